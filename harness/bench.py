@@ -1,0 +1,343 @@
+"""The benchmark: plan the scenes, compute them on workers, score, keep and tabulate the run."""
+
+from __future__ import annotations
+
+import time
+from contextlib import closing
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from harness.config import Config, Override, PipelineCheck, load_config
+from harness.errors import InputError
+from harness.runs.atomic import DiskError
+from harness.runs.directory import CONFIG, RunDirectory, default_folder, open_run
+from harness.runs.job import ObjectModel, SceneJob, plan_jobs
+from harness.runs.manifest import core_count
+from harness.runs.pool import SceneDone, SceneFailed, ScenePool, WorkerDied
+from harness.runs.progress import Progress, SilentProgress
+from harness.runs.records import (
+    Record,
+    SceneResult,
+    Timing,
+    Variant,
+    read_records,
+    write_records,
+    write_timings,
+)
+from harness.runs.worker import load_target
+from harness.table.flat import render_csv
+from harness.table.latex import render_latex
+from harness.table.markdown import render_markdown
+from harness.table.summary import Table, summarise
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
+
+QUICK_SCENES = 8
+"""Scenes of each class with ``--quick``."""
+
+
+@dataclass(frozen=True)
+class BenchOptions:
+    """What a person chooses; None leaves a choice to the configuration.
+
+    Attributes
+    ----------
+    quick
+        Take `QUICK_SCENES` scenes of each class.
+    scenes, seed, workers, objects
+        Take the place of the configuration's ``run.scenes``, ``run.seed``, ``run.workers`` and
+        ``scenes.objects``.
+    out
+        The run's folder; by default a new one under ``results``. A folder that holds a run is
+        continued with the run's own configuration.
+    config
+        Configuration file.
+    """
+
+    quick: bool = False
+    scenes: int | None = None
+    seed: int | None = None
+    workers: int | None = None
+    objects: Path | None = None
+    out: Path | None = None
+    config: Path | None = None
+
+
+def load_objects(folder: Path | None) -> Sequence[ObjectModel]:
+    """Load the object models of a folder, or of the set that comes with the project."""
+    from sim_scenes import load_object_set
+
+    try:
+        return load_object_set(folder).models
+    except (ValueError, OSError) as error:
+        raise InputError(" ".join(str(error).split())) from error
+
+
+@dataclass(frozen=True)
+class Wiring:
+    """The parts that the benchmark runs on, by default the real ones.
+
+    Attributes
+    ----------
+    scene_function
+        ``package.module:name`` of ``(SceneJob, Config) -> SceneResult``, called in a worker.
+    variants_function
+        ``package.module:name`` of ``(Config) -> Sequence[Variant]``: what each scene compares.
+    load_objects
+        Object models of a folder.
+    check_pipeline
+        Checks the ``[pipeline]`` table; None takes the Rust pipeline's check.
+    """
+
+    scene_function: str = "harness.scene_run:run_scene"
+    variants_function: str = "harness.scene_run:variants"
+    load_objects: Callable[[Path | None], Sequence[ObjectModel]] = load_objects
+    check_pipeline: PipelineCheck | None = None
+
+
+@dataclass(frozen=True)
+class BenchResult:
+    """A finished run.
+
+    Attributes
+    ----------
+    folder
+        Where the run was written.
+    failures
+        Why each failed scene failed, by scene id.
+    scenes
+        Number of scenes, failed ones included.
+    seconds
+        Wall time of this sitting.
+    """
+
+    folder: Path
+    table: Table
+    failures: Mapping[str, str]
+    scenes: int
+    seconds: float
+
+    @property
+    def all_failed(self) -> bool:
+        """Whether no scene was scored."""
+        return len(self.failures) == self.scenes
+
+
+class RunInterruptedError(Exception):
+    """A person stopped the run; its finished scenes are kept."""
+
+    def __init__(self, *, folder: Path, finished: int, scenes: int) -> None:
+        super().__init__(
+            f"interrupted: {finished} of {scenes} scenes are kept; "
+            f"continue with `harness bench --out {folder}`"
+        )
+
+
+def run_bench(
+    options: BenchOptions,
+    *,
+    progress: Progress | None = None,
+    wiring: Wiring | None = None,
+) -> BenchResult:
+    """Run the benchmark, or continue it.
+
+    Raises
+    ------
+    InputError
+        Wrong options, configuration or objects; a folder that cannot be written; workers that
+        cannot start.
+    RunInterruptedError
+        Ctrl-C.
+    """
+    start = time.monotonic()
+    wiring, progress = wiring or Wiring(), progress or SilentProgress()
+    config = resolve_config(options, check_pipeline=wiring.check_pipeline)
+    models = wiring.load_objects(config.scenes.objects)
+    jobs = plan_jobs(config, models)
+    run = open_run(
+        options.out or default_folder(config),
+        config=config,
+        objects=[f"{model.category}/{model.name}" for model in models],
+    )
+    with run.session() as notes:
+        finished, damaged = run.finished(jobs)
+        notes += [f"{scene} is computed again: {why}" for scene, why in damaged.items()]
+        with progress.watch(folder=run.folder, scenes=len(jobs), finished=len(finished)):
+            for note in notes:
+                progress.note(note)
+            failures = _compute(
+                run, jobs, finished, config=config, wiring=wiring, progress=progress
+            )
+        table = _conclude(run, jobs, finished, failures, config=config, wiring=wiring)
+    return BenchResult(
+        folder=run.folder,
+        table=table,
+        failures=failures,
+        scenes=len(jobs),
+        seconds=time.monotonic() - start,
+    )
+
+
+def show_run(folder: Path) -> Table:
+    """Read a finished run's table.
+
+    Raises
+    ------
+    InputError
+        The folder holds no run, or an unfinished one.
+    """
+    if not RunDirectory.is_run(folder):
+        raise InputError(f"{folder} holds no run; pass the folder that `harness bench` named")
+    run = RunDirectory(folder)
+    if not run.records_path.exists():
+        raise InputError(f"{folder} is unfinished; finish it with `harness bench --out {folder}`")
+    return _summarise(read_records(run.records_path), config=run.config())
+
+
+def resolve_config(options: BenchOptions, *, check_pipeline: PipelineCheck | None) -> Config:
+    """Turn a person's options into a configuration."""
+    if options.quick and options.scenes is not None:
+        raise InputError(f"--quick means --scenes {QUICK_SCENES}; pass one of the two")
+    scenes = QUICK_SCENES if options.quick else options.scenes
+    objects = None if options.objects is None else str(options.objects.resolve())
+    chosen = (
+        Override("run.scenes", scenes, "--quick" if options.quick else "--scenes"),
+        Override("run.seed", options.seed, "--seed"),
+        Override("run.workers", options.workers, "--workers"),
+        Override("scenes.objects", objects, "--objects"),
+    )
+    path = options.config
+    if path is None and options.out is not None and RunDirectory.is_run(options.out):
+        path = options.out / CONFIG
+    return load_config(
+        path,
+        overrides=tuple(override for override in chosen if override.value is not None),
+        check_pipeline=check_pipeline,
+    )
+
+
+def _compute(
+    run: RunDirectory,
+    jobs: Sequence[SceneJob],
+    finished: dict[str, SceneResult],
+    *,
+    config: Config,
+    wiring: Wiring,
+    progress: Progress,
+) -> dict[str, str]:
+    """Compute the scenes that are not finished; adds to `finished`, returns the failures."""
+    failures: dict[str, str] = {}
+    waiting = [job for job in jobs if job.scene_id not in finished]
+    if not waiting:
+        return failures
+    cores = core_count()
+    pool = ScenePool(
+        target=wiring.scene_function,
+        arguments=(config,),
+        workers=min(config.run.workers or cores, len(waiting)),
+        cores=cores,
+        log_folder=run.logs,
+    )
+    try:
+        with closing(pool.run(waiting)) as events:
+            for event in events:
+                match event:
+                    case SceneDone(job=job, seconds=seconds) as done:
+                        result = _with_timing(done)
+                        if problem := _problem(result.records, job):
+                            failures[job.scene_id] = problem
+                            progress.scene_failed(job.scene_id, problem)
+                            continue
+                        run.keep(job, result)
+                        finished[job.scene_id] = result
+                        progress.scene_done(job.scene_id, seconds)
+                    case SceneFailed(job=job, failure=failure):
+                        failures[job.scene_id] = failure
+                        progress.scene_failed(job.scene_id, failure)
+                    case WorkerDied(job=job, reason=reason, log=log):
+                        progress.note(
+                            f"worker {reason} at {job.scene_id}; trying it once more (log: {log})"
+                        )
+    except KeyboardInterrupt:
+        raise RunInterruptedError(
+            folder=run.folder, finished=len(finished), scenes=len(jobs)
+        ) from None
+    except DiskError as error:
+        raise DiskError(
+            f"{error}; {len(finished)} of {len(jobs)} scenes are kept, "
+            f"continue with `harness bench --out {run.folder}`"
+        ) from error
+    return failures
+
+
+def _with_timing(done: SceneDone) -> SceneResult:
+    """Put the scene's own timing, which the worker takes, after those of its stages."""
+    whole = Timing(
+        scene_id=done.job.scene_id,
+        stage="scene",
+        model=None,
+        seconds=done.seconds,
+        peak_memory_mib=done.peak_memory_mib,
+    )
+    stages = [timing for timing in done.result.timings if timing.stage != whole.stage]
+    return SceneResult(done.result.records, [*stages, whole])
+
+
+def _problem(records: Sequence[Record], job: SceneJob) -> str | None:
+    """Say what is wrong with the records that a scene function returned."""
+    if not records:
+        return "the scene function returned no record"
+    keys = [record.key() for record in records]
+    if len(set(keys)) < len(keys):
+        return "the scene function returned two records of one model, completion and tolerance"
+    if any((row.scene_id, row.seed) != (job.scene_id, job.seed) for row in records):
+        return "the scene function returned another scene's records"
+    return None
+
+
+def _conclude(
+    run: RunDirectory,
+    jobs: Sequence[SceneJob],
+    finished: Mapping[str, SceneResult],
+    failures: Mapping[str, str],
+    *,
+    config: Config,
+    wiring: Wiring,
+) -> Table:
+    """Write records, timings and tables of all scenes."""
+    records = [record for result in finished.values() for record in result.records]
+    if failures:
+        variants: Sequence[Variant] = load_target(wiring.variants_function)(config)
+        records += [
+            Record.failed(
+                job,
+                variant=variant,
+                views=config.scenes.views,
+                tolerance_m=tolerance_m,
+                failure=failures[job.scene_id],
+            )
+            for job in jobs
+            if job.scene_id in failures
+            for variant in variants
+            for tolerance_m in config.protocol.tolerances_m
+        ]
+    write_records(records, run.records_path)
+    write_timings(
+        [timing for result in finished.values() for timing in result.timings], run.timings_path
+    )
+    table = _summarise(records, config=config)
+    run.write_tables(
+        {"md": render_markdown(table), "csv": render_csv(table), "tex": render_latex(table)}
+    )
+    return table
+
+
+def _summarise(records: Sequence[Record], *, config: Config) -> Table:
+    return summarise(
+        records,
+        reported_tolerance_m=config.protocol.reported_tolerance_m,
+        classes=config.run.classes,
+        seed=config.run.seed,
+    )

@@ -1,0 +1,170 @@
+"""The command line. Every command is also a plain function that returns a result object."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path  # noqa: TC003 - typer reads annotations at run time
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from harness.bench import (
+    QUICK_SCENES,
+    BenchOptions,
+    RunInterruptedError,
+    Wiring,
+    run_bench,
+    show_run,
+)
+from harness.errors import InputError
+from harness.runs.progress import ConsoleProgress
+from harness.table.terminal import render_terminal
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+EXIT_OK = 0
+EXIT_FAILED = 1
+EXIT_BAD_INPUT = 2
+EXIT_INTERRUPTED = 130
+
+UNBOUNDED_WIDTH = 160
+"""Columns of a table that goes into a file or a pipe."""
+
+app = typer.Typer(
+    name="harness",
+    help="Benchmark of confidence scores in semantic maps, on simulated scenes with known meshes.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+wiring = Wiring()
+"""What the commands run on."""
+
+
+@app.command(
+    epilog=(
+        "[bold]Examples[/bold]\n\n"
+        "A first look, in about a minute:  [cyan]harness bench --quick[/cyan]\n\n"
+        "Continue a run that was stopped:  [cyan]harness bench --out results/RUN[/cyan]\n\n"
+        "On your own meshes:  [cyan]harness bench --objects meshes/ --scenes 32[/cyan]\n\n"
+        "With other settings:  [cyan]harness bench --config wide.toml[/cyan]\n\n"
+        "Exit codes: 0 done, 1 every scene failed, 2 bad input, 130 interrupted."
+    )
+)
+def bench(
+    *,
+    quick: Annotated[
+        bool, typer.Option("--quick", help=f"{QUICK_SCENES} scenes of each class instead of 16.")
+    ] = False,
+    scenes: Annotated[
+        int | None, typer.Option(help="Scenes of each class; the first of a longer run's.")
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Same seed, same configuration: same records, bit for bit.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(help="Worker processes [one per core]; no result depends on it.")
+    ] = None,
+    objects: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Folder of meshes with a manifest.json (path, category), z up."
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="RUN", help="Folder to write [results/TIME-HASH]; an existing run continues."
+        ),
+    ] = None,
+    config: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="TOML with \\[run], \\[scenes], \\[protocol], \\[pipeline]."
+        ),
+    ] = None,
+) -> int:
+    """Render scenes, map and classify them, score against the true meshes, print the table."""
+    result = run_bench(
+        BenchOptions(
+            quick=quick,
+            scenes=scenes,
+            seed=seed,
+            workers=workers,
+            objects=objects,
+            out=out,
+            config=config,
+        ),
+        progress=ConsoleProgress(Console(stderr=True)),
+        wiring=wiring,
+    )
+    console = _stdout()
+    console.print(render_terminal(result.table, width=console.width))
+    failed = f", {len(result.failures)} failed" if result.failures else ""
+    console.print(
+        f"{result.scenes} scenes{failed} in {result.seconds:.0f} s; written to {result.folder} "
+        f"(records.parquet, table.md, table.csv, table.tex)",
+        highlight=False,
+        soft_wrap=True,
+        markup=False,
+    )
+    return EXIT_FAILED if result.all_failed else EXIT_OK
+
+
+@app.command(epilog="Example:  [cyan]harness show results/RUN[/cyan]")
+def show(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a finished run.")],
+) -> int:
+    """Print a run's table again."""
+    table = show_run(run)
+    console = _stdout()
+    console.print(render_terminal(table, width=console.width))
+    return EXIT_OK
+
+
+def check_python(version: tuple[int, int]) -> None:
+    """Refuse a Python for which the simulator has no build.
+
+    Raises
+    ------
+    InputError
+        The version is above 3.11.
+    """
+    if version > (3, 11):
+        raise InputError(
+            f"Python {version[0]}.{version[1]} is too new: PyBullet has no wheel above 3.11; "
+            "make a virtual environment with python3.11 and install there"
+        )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command; returns the exit code."""
+    try:
+        check_python(sys.version_info[:2])
+        code = app(None if arguments is None else list(arguments), standalone_mode=False)
+    except InputError as error:
+        return _fail(str(error), EXIT_BAD_INPUT)
+    except typer.TyperException as error:
+        return _fail(error.format_message(), EXIT_BAD_INPUT)
+    except RunInterruptedError as error:
+        return _fail(str(error), EXIT_INTERRUPTED)
+    except KeyboardInterrupt:
+        return _fail("interrupted", EXIT_INTERRUPTED)
+    return EXIT_OK if code is None else int(code)
+
+
+def _fail(message: str, code: int) -> int:
+    print(f"harness: {' '.join(message.split())}", file=sys.stderr)
+    return code
+
+
+def _stdout() -> Console:
+    console = Console()
+    if not console.is_terminal:
+        console.width = UNBOUNDED_WIDTH
+    return console

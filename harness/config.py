@@ -1,0 +1,280 @@
+"""A run's configuration: one TOML file, every key documented with its default.
+
+A misspelt key is refused with its nearest valid name, because a key that is silently ignored
+makes a benchmark measure something else than its author believes. The ``[pipeline]`` table
+belongs to the Rust pipeline, which checks it by the same rule.
+"""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import json
+import os
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path  # noqa: TC003 - pydantic reads annotations at run time
+from typing import Annotated, Any, Literal
+
+import tomli_w
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from harness.errors import InputError
+
+Category = Literal["bottle", "bowl", "camera", "can", "laptop", "mug"]
+PositiveFloat = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+PipelineCheck = Callable[[str], object]
+
+
+class Section(BaseModel):
+    """A table of the file: immutable, strictly typed, closed to unknown keys."""
+
+    model_config = ConfigDict(frozen=True, strict=True, extra="forbid")
+
+
+class RunSection(Section):
+    """``[run]``: how many scenes, from which seed, on how many processes."""
+
+    scenes: int = Field(default=16, ge=1, description="Scenes of each class.")
+    seed: int = Field(
+        default=0, ge=0, lt=2**63, description="Seed that every scene's seed derives from."
+    )
+    workers: int | None = Field(
+        default=None,
+        ge=1,
+        description="Worker processes; by default one per core. No result depends on it.",
+    )
+    classes: tuple[Category, ...] = Field(
+        default=("mug", "bowl"),
+        min_length=1,
+        strict=False,
+        description="Classes of the target object.",
+    )
+
+    @model_validator(mode="after")
+    def _classes_once(self) -> RunSection:
+        if len(set(self.classes)) < len(self.classes):
+            raise ValueError(f"classes {list(self.classes)} names a class twice; list each once")
+        return self
+
+
+class DepthNoiseSection(Section):
+    """``[scenes.depth_noise]``: the parts of the D435's depth error, each with its switch."""
+
+    axial: bool = Field(
+        default=True, description="Gaussian error along the axis, growing with z squared."
+    )
+    quantisation: bool = Field(
+        default=True, description="Disparity in steps of the sensor's sub-pixel."
+    )
+    edge_dropout: bool = Field(default=True, description="Pixels lost at depth edges.")
+    grazing_dropout: bool = Field(default=True, description="Pixels lost at grazing angles.")
+    min_range: bool = Field(default=True, description="Nothing nearer than the minimum range.")
+    z16: bool = Field(default=True, description="Depth in steps of the 16-bit output's unit.")
+    subpixel_px: float = Field(
+        default=0.1,
+        ge=0,
+        allow_inf_nan=False,
+        description="Standard deviation of the disparity, pixels: the scale of the axial error.",
+    )
+
+
+class ScenesSection(Section):
+    """``[scenes]``: what is rendered."""
+
+    objects: Path | None = Field(
+        default=None,
+        strict=False,
+        description="Folder of meshes with a manifest.json; by default the set in assets/.",
+    )
+    views: int = Field(default=3, ge=1, description="Camera poses of a scene.")
+    cluttered: bool = Field(
+        default=False, description="2 to 5 objects of mixed categories in a scene."
+    )
+    width: int = Field(default=640, ge=16, le=4096, description="Image width, pixels.")
+    height: int = Field(default=480, ge=16, le=4096, description="Image height, pixels.")
+    depth_noise: DepthNoiseSection = DepthNoiseSection()
+
+
+class ProtocolSection(Section):
+    """``[protocol]``: the seed's protocol, how many points and what counts as on the mesh."""
+
+    training_points: int = Field(
+        default=3600, ge=2, description="Training points, object and free space."
+    )
+    test_points: int = Field(default=1000, ge=1, description="Test points.")
+    tolerances_m: tuple[PositiveFloat, ...] = Field(
+        default=(0.0025, 0.005, 0.01),
+        min_length=1,
+        strict=False,
+        description="Distances within which a point lies on the mesh, metres.",
+    )
+    reported_tolerance_m: PositiveFloat = Field(
+        default=0.005, description="The one of tolerances_m that the main table reports, metres."
+    )
+
+    @model_validator(mode="after")
+    def _reported_is_swept(self) -> ProtocolSection:
+        if len(set(self.tolerances_m)) < len(self.tolerances_m):
+            raise ValueError(f"tolerances_m {list(self.tolerances_m)} names a distance twice")
+        if self.reported_tolerance_m not in self.tolerances_m:
+            raise ValueError(
+                f"reported_tolerance_m {self.reported_tolerance_m} is not one of "
+                f"tolerances_m {list(self.tolerances_m)}; add it there"
+            )
+        return self
+
+
+class Config(Section):
+    """A run's whole configuration."""
+
+    run: RunSection = RunSection()
+    scenes: ScenesSection = ScenesSection()
+    protocol: ProtocolSection = ProtocolSection()
+    pipeline: dict[str, Any] = Field(
+        default_factory=dict, description="Passed to the Rust pipeline, which checks it."
+    )
+
+    def identity(self) -> dict[str, Any]:
+        """All that the records depend on, by dotted key: everything but ``run.workers``."""
+        flat = dict(_flatten(self.model_dump(mode="json", exclude={"run": {"workers"}})))
+        return {key: flat[key] for key in sorted(flat)}
+
+    def short_hash(self) -> str:
+        """Eight hexadecimal digits that name the configuration."""
+        text = json.dumps(self.identity(), sort_keys=True)
+        return hashlib.blake2b(text.encode(), digest_size=4).hexdigest()
+
+    def to_toml(self) -> str:
+        """Write the configuration as a file that `load_config` reads back, defaults written out."""
+        return tomli_w.dumps(self.model_dump(mode="json", exclude_none=True))
+
+    def pipeline_json(self) -> str:
+        """Write the ``[pipeline]`` table as JSON, as the Rust pipeline reads it."""
+        return json.dumps(self.pipeline, sort_keys=True)
+
+
+@dataclass(frozen=True)
+class Override:
+    """A value from the command line that takes the place of a key of the file."""
+
+    key: str
+    value: Any
+    option: str
+
+
+def load_config(
+    path: Path | None,
+    *,
+    overrides: tuple[Override, ...] = (),
+    check_pipeline: PipelineCheck | None = None,
+) -> Config:
+    """Read a configuration file and lay the command line's values over it.
+
+    Parameters
+    ----------
+    path
+        TOML file; None takes every default. A relative ``scenes.objects`` in it counts from the
+        file's own folder.
+    overrides
+        Values of the command line.
+    check_pipeline
+        Called with the ``[pipeline]`` table as JSON; raises ValueError where it is wrong. By
+        default the Rust pipeline's own check.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read or parsed, a key is unknown, a value is out of range.
+    """
+    source = "the built-in defaults" if path is None else str(path)
+    table = {} if path is None else _read_toml(path)
+    if unknown := next(_unknown_keys(table, model=Config, prefix=""), None):
+        raise InputError(f"{source}: {unknown}")
+    if path is not None and isinstance(objects := table.get("scenes", {}).get("objects"), str):
+        table["scenes"]["objects"] = os.path.normpath(path.resolve().parent / objects)
+    for override in overrides:
+        _set(table, key=override.key, value=override.value)
+    try:
+        config = Config.model_validate(table)
+    except ValidationError as error:
+        options = {override.key: override.option for override in overrides}
+        raise InputError(_first_problem(error, source=source, options=options)) from None
+    try:
+        (check_pipeline or _rust_pipeline_check)(config.pipeline_json())
+    except ValueError as error:
+        raise InputError(f"{source}: [pipeline] {error}") from None
+    return config
+
+
+def differing_keys(*, ours: Config, theirs: Config) -> list[str]:
+    """Keys whose values differ and change the records, as ``key: ours, theirs`` by value."""
+    mine, other = ours.identity(), theirs.identity()
+    return [
+        f"{key} ({other.get(key, 'unset')} there, {mine.get(key, 'unset')} asked)"
+        for key in sorted(mine.keys() | other.keys())
+        if mine.get(key) != other.get(key)
+    ]
+
+
+def _rust_pipeline_check(table_json: str) -> None:
+    from harness.native import check_pipeline_config
+
+    check_pipeline_config(table_json)
+
+
+def _read_toml(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"cannot read the configuration {path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path} is not UTF-8 text; save it as UTF-8") from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path} is not valid TOML: {error}") from None
+
+
+def _unknown_keys(
+    table: Mapping[str, Any], *, model: type[BaseModel], prefix: str
+) -> Iterator[str]:
+    """Complaints about keys that no section has, in the file's order."""
+    for key, value in table.items():
+        if key not in model.model_fields:
+            valid = list(model.model_fields)
+            place = f"in [{prefix}]" if prefix else "at the top level"
+            near = difflib.get_close_matches(key, valid, n=1, cutoff=0.0)[0]
+            yield f"unknown key '{key}' {place}; nearest is '{near}' (valid: {', '.join(valid)})"
+            continue
+        section = model.model_fields[key].annotation
+        if isinstance(section, type) and issubclass(section, BaseModel) and isinstance(value, dict):
+            inner = f"{prefix}.{key}" if prefix else key
+            yield from _unknown_keys(value, model=section, prefix=inner)
+
+
+def _first_problem(error: ValidationError, *, source: str, options: Mapping[str, str]) -> str:
+    """One line on the first value that does not validate."""
+    problem = error.errors(include_url=False)[0]
+    key = ".".join(str(part) for part in problem["loc"])
+    message = problem["msg"].removeprefix("Value error, ").removeprefix("Input ")
+    if problem["type"] == "value_error":
+        return f"{source}: [{key}] {message}"
+    given = problem["input"]
+    if key in options:
+        return f"{options[key]} {given}: {message}"
+    return f"{source}: {key} = {given!r}: {message}"
+
+
+def _set(table: dict[str, Any], *, key: str, value: Any) -> None:
+    *sections, name = key.split(".")
+    for section in sections:
+        table = table.setdefault(section, {})
+    table[name] = value
+
+
+def _flatten(table: Mapping[str, Any], *, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from _flatten(value, prefix=f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value

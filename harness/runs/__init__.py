@@ -1,0 +1,1 @@
+"""Runs: the scenes to compute, the processes that compute them, the folder that keeps them."""

@@ -1,0 +1,248 @@
+"""A run's folder: what it holds, how it is begun, continued and finished.
+
+::
+
+    RUN/
+      manifest.json     what was run: configuration, objects, sessions (code, packages, machine)
+      config.toml       the configuration, defaults written out
+      scenes/ID.json    one finished scene each; a failed scene has none, so that resuming tries
+                        it again
+      logs/             what workers printed, and tracebacks
+      records.parquet   one row per scene, model, completion and tolerance
+      timings.parquet   one row per scene and stage
+      table.md, table.csv, table.tex
+
+Records and tables depend on the configuration, the objects and the code alone; the clock and the
+machine appear in the manifest, the timings and the logs.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import shutil
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from harness.config import Config, differing_keys, load_config
+from harness.errors import InputError
+from harness.runs.atomic import PARTIAL_SUFFIX, DiskError, remove_quietly, write_text
+from harness.runs.fragment import DamagedFragmentError, read_fragment, write_fragment
+from harness.runs.manifest import describe_session
+from harness.runs.records import SCHEMA_VERSION, SceneResult
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from harness.runs.job import SceneJob
+
+MANIFEST = "manifest.json"
+CONFIG = "config.toml"
+RECORDS = "records.parquet"
+TIMINGS = "timings.parquet"
+
+
+def default_folder(config: Config, *, now: datetime | None = None) -> Path:
+    """``results/<UTC time>-<short hash of the configuration>``."""
+    moment = (now or datetime.now(UTC)).strftime("%Y%m%dT%H%M%SZ")
+    return Path("results") / f"{moment}-{config.short_hash()}"
+
+
+class RunDirectory:
+    """A run's folder on disk.
+
+    Parameters
+    ----------
+    folder
+        A folder that `is_run` accepts; use `open_run` to begin or to continue one.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.records_path = folder / RECORDS
+        self.timings_path = folder / TIMINGS
+        self.logs = folder / "logs"
+        self._scenes = folder / "scenes"
+
+    @staticmethod
+    def is_run(folder: Path) -> bool:
+        """Whether a run was begun in a folder."""
+        return (folder / MANIFEST).is_file()
+
+    def config(self) -> Config:
+        """Read the run's configuration."""
+        # Checked when the run was begun, perhaps by a pipeline that knew other keys.
+        return load_config(self.folder / CONFIG, check_pipeline=lambda _: None)
+
+    def manifest(self) -> dict[str, Any]:
+        """Read the run's manifest."""
+        path = self.folder / MANIFEST
+        try:
+            manifest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise InputError(
+                f"{path} cannot be read ({error}); choose another folder or delete this one"
+            ) from None
+        return manifest
+
+    def keep(self, job: SceneJob, result: SceneResult) -> None:
+        """Write a finished scene."""
+        write_fragment(self._fragment(job), result)
+
+    def finished(self, jobs: Sequence[SceneJob]) -> tuple[dict[str, SceneResult], dict[str, str]]:
+        """Scenes that are finished, and what is wrong with those whose files are damaged.
+
+        Both by scene id; a damaged file is removed by the next `keep` of its scene.
+        """
+        results: dict[str, SceneResult] = {}
+        damaged: dict[str, str] = {}
+        for job in jobs:
+            path = self._fragment(job)
+            if not path.exists():
+                continue
+            try:
+                results[job.scene_id] = read_fragment(path, job=job)
+            except DamagedFragmentError as error:
+                damaged[job.scene_id] = str(error)
+        return results, damaged
+
+    def write_tables(self, texts: Mapping[str, str]) -> None:
+        """Write ``table.<suffix>`` for each suffix."""
+        for suffix, text in texts.items():
+            write_text(self.folder / f"table.{suffix}", text)
+
+    @contextmanager
+    def session(self) -> Iterator[list[str]]:
+        """One sitting at the run: no other process may work at it meanwhile.
+
+        Yields what differs from the sitting before, for a person to know.
+        """
+        try:
+            lock = (self.folder / ".lock").open("w", encoding="ascii")
+        except OSError as error:
+            raise DiskError(f"cannot write to {self.folder}: {error.strerror}") from None
+        with lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                raise InputError(
+                    f"{self.folder} is in use by another process; wait for it or pass another --out"
+                ) from None
+            self._remove_partial_files()
+            yield self._note_session()
+
+    def _note_session(self) -> list[str]:
+        manifest, session = self.manifest(), describe_session()
+        before = manifest["sessions"][-1:]
+        manifest["sessions"].append(session)
+        _write_manifest(self.folder, manifest)
+        return [
+            f"{what} changed since the run was last worked at: {last[what]} -> {session[what]}"
+            for last in before
+            for what in ("git", "packages", "python")
+            if last[what] != session[what]
+        ]
+
+    def _remove_partial_files(self) -> None:
+        """Remove what a killed writer left."""
+        for folder in (self.folder, self._scenes):
+            for path in folder.glob(f"*{PARTIAL_SUFFIX}"):
+                remove_quietly(path)
+
+    def _fragment(self, job: SceneJob) -> Path:
+        return self._scenes / f"{job.scene_id}.json"
+
+
+def open_run(folder: Path, *, config: Config, objects: Sequence[str]) -> RunDirectory:
+    """Begin a run, or find the one of the same configuration and objects that a folder holds.
+
+    Parameters
+    ----------
+    folder
+        Absent, empty, or holding a run.
+    config
+        The run's configuration.
+    objects
+        What identifies each object of the set, in any order.
+
+    Raises
+    ------
+    InputError
+        The folder holds something else, or cannot be written.
+    """
+    existed = begun = False
+    try:
+        if RunDirectory.is_run(folder):
+            run = RunDirectory(folder)
+            _check_same(run, config=config, objects=sorted(objects))
+            return run
+        existed = folder.exists()
+        if existed and (not folder.is_dir() or any(folder.iterdir())):
+            raise InputError(
+                f"{folder} exists and holds no run; pass another --out or empty it first"
+            )
+        begun = True
+        _begin(folder, config=config, objects=sorted(objects))
+    except OSError as error:
+        if begun:
+            _remove_begun(folder, existed=existed)
+        raise DiskError(
+            f"cannot create a run in {folder}: {error.strerror}; pass a writable --out"
+        ) from None
+    except DiskError:
+        _remove_begun(folder, existed=existed)
+        raise
+    return RunDirectory(folder)
+
+
+def _begin(folder: Path, *, config: Config, objects: list[str]) -> None:
+    """Write an empty run; the manifest comes last, for it marks the folder as a run."""
+    for name in ("scenes", "logs"):
+        (folder / name).mkdir(parents=True)
+    write_text(folder / CONFIG, config.to_toml())
+    _write_manifest(
+        folder,
+        {
+            "schema_version": SCHEMA_VERSION,
+            "seed": config.run.seed,
+            "config": config.model_dump(mode="json"),
+            "objects": objects,
+            "sessions": [],
+        },
+    )
+
+
+def _check_same(run: RunDirectory, *, config: Config, objects: list[str]) -> None:
+    manifest = run.manifest()
+    if manifest.get("schema_version") != SCHEMA_VERSION:
+        raise InputError(
+            f"{run.folder} was written with record schema {manifest.get('schema_version')}, this "
+            f"version writes {SCHEMA_VERSION}; pass another --out"
+        )
+    if keys := differing_keys(ours=config, theirs=run.config()):
+        raise InputError(
+            f"{run.folder} holds a run of another configuration: {'; '.join(keys)}; "
+            "pass another --out, or --out alone to continue it as it was"
+        )
+    if odd := sorted(set(manifest["objects"]) ^ set(objects)):
+        raise InputError(
+            f"{run.folder} was begun with other objects (first difference: {odd[0]}); "
+            "pass another --out"
+        )
+
+
+def _write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
+    write_text(folder / MANIFEST, json.dumps(manifest, indent=2) + os.linesep)
+
+
+def _remove_begun(folder: Path, *, existed: bool) -> None:
+    """Take away what a failed beginning wrote, and the folder if it was not there before."""
+    if not existed:
+        shutil.rmtree(folder, ignore_errors=True)
+        return
+    for name in ("scenes", "logs"):
+        shutil.rmtree(folder / name, ignore_errors=True)
+    remove_quietly(folder / CONFIG)

@@ -1,0 +1,100 @@
+"""The table as LaTeX, for a document that loads booktabs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from harness.table.cells import (
+    UNDEFINED,
+    explanation,
+    has_seed,
+    interval,
+    millimetres,
+    number,
+    partial_count,
+    scene_count,
+    signed,
+)
+from harness.table.columns import FURTHER_COLUMNS, SEED_COLUMNS, SWEEP_COLUMNS, Column
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from harness.table.summary import Row, Table
+
+_ESCAPES = str.maketrans(
+    {
+        "\\": r"\textbackslash{}",
+        "{": r"\{",
+        "}": r"\}",
+        "_": r"\_",
+        "%": r"\%",
+        "&": r"\&",
+        "#": r"\#",
+        "$": r"\$",
+        "^": r"\textasciicircum{}",
+        "~": r"\textasciitilde{}",
+        UNDEFINED: "--",
+    }
+)
+
+
+def escape(text: str) -> str:
+    """Text that LaTeX sets as it is."""
+    return text.translate(_ESCAPES)
+
+
+def render_latex(table: Table) -> str:
+    """Set a tabular for each part of the table, to be put into floats."""
+    lines = [f"% {explanation(table)}", r"% \usepackage{booktabs}"]
+    for columns in (SEED_COLUMNS, FURTHER_COLUMNS):
+        headings = ["", *(column.heading for column in columns)]
+        lines += _tabular(headings, _main(table.rows, columns))
+    if len({row.tolerance_m for row in table.sweep}) > 1:
+        headings = ["", "tolerance", *(column.heading for column in SWEEP_COLUMNS)]
+        lines += _tabular(headings, _sweep(table.sweep))
+    return "\n".join(lines) + "\n"
+
+
+def _tabular(headings: Sequence[str], body: Iterator[str]) -> list[str]:
+    return [
+        rf"\begin{{tabular}}{{l{'r' * (len(headings) - 1)}}}",
+        r"\toprule",
+        _line([escape(heading) for heading in headings]),
+        r"\midrule",
+        *body,
+        r"\bottomrule",
+        r"\end{tabular}",
+    ]
+
+
+def _main(rows: Sequence[Row], columns: Sequence[Column]) -> Iterator[str]:
+    for index, row in enumerate(rows):
+        if index:
+            yield r"\addlinespace"
+        estimates = [row.values[column.key] for column in columns]
+        yield _line([escape(row.label), *(escape(number(item.mean)) for item in estimates)])
+        bounds = (
+            f"{interval(item)} {partial_count(item, scenes=row.scenes)}".strip()
+            for item in estimates
+        )
+        yield _small([scene_count(row), *bounds])
+        if has_seed(row, columns):
+            seed = (number(row.seed[c.key]) if c.key in row.seed else "" for c in columns)
+            yield _small(["seed", *seed])
+            ours = (signed(row.difference(c.key)) if c.key in row.seed else "" for c in columns)
+            yield _small(["ours less seed", *ours])
+
+
+def _sweep(rows: Sequence[Row]) -> Iterator[str]:
+    for row in rows:
+        cells = (number(row.values[column.key].mean) for column in SWEEP_COLUMNS)
+        yield _line([escape(cell) for cell in (row.label, millimetres(row.tolerance_m), *cells)])
+
+
+def _small(cells: Sequence[str]) -> str:
+    return _line([rf"{{\scriptsize {escape(cell)}}}" if cell else "" for cell in cells])
+
+
+def _line(cells: Sequence[str]) -> str:
+    return " & ".join(cells) + r" \\"

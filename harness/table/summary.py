@@ -1,0 +1,142 @@
+"""From records to the numbers of the table."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from harness.runs.records import Record, Variant
+from harness.statistics import MeanEstimate, mean_estimate
+from harness.table.columns import COLUMNS
+from harness.table.seed import seed_numbers
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+_MODEL_ORDER = ("classic", "metric_literal", "metric")
+
+
+@dataclass(frozen=True)
+class Row:
+    """A class and variant at one tolerance, over all scenes.
+
+    Attributes
+    ----------
+    scenes, failed
+        Number of scenes that were scored, and of scenes that failed.
+    values
+        Mean and interval by column key.
+    seed
+        The seed's numbers by column key; empty where it has none.
+    """
+
+    category: str
+    variant: Variant
+    tolerance_m: float
+    scenes: int
+    failed: int
+    values: Mapping[str, MeanEstimate]
+    seed: Mapping[str, float]
+
+    @property
+    def label(self) -> str:
+        """Name in print, as the seed's: class, model, ``SC`` with shape completion."""
+        parts = [self.category.capitalize(), self.variant.model.replace("_", " ")]
+        if self.variant.completion != "none":
+            parts.append(f"SC ({self.variant.completion})")
+        if self.variant.segmenter != "oracle":
+            parts.append(f"[{self.variant.segmenter}]")
+        return " ".join(parts)
+
+    def difference(self, key: str) -> float | None:
+        """Ours less the seed's."""
+        mean = self.values[key].mean
+        return None if mean is None or key not in self.seed else mean - self.seed[key]
+
+
+@dataclass(frozen=True)
+class Table:
+    """A run's table.
+
+    Attributes
+    ----------
+    rows
+        At the reported tolerance.
+    sweep
+        At every tolerance, by row and then tolerance.
+    reported_tolerance_m
+        Distance within which a point lies on the mesh in `rows`, metres.
+    """
+
+    rows: tuple[Row, ...]
+    sweep: tuple[Row, ...]
+    reported_tolerance_m: float
+
+
+def summarise(
+    records: Sequence[Record], *, reported_tolerance_m: float, classes: Sequence[str], seed: int
+) -> Table:
+    """Means over scenes with their intervals.
+
+    Parameters
+    ----------
+    records
+        Of one run.
+    reported_tolerance_m
+        The tolerance of the main table, metres.
+    classes
+        Order of the classes.
+    seed
+        Of the resampling; every cell draws the same scenes, so that rows can be compared.
+    """
+    groups: defaultdict[tuple[str, Variant, float], list[Record]] = defaultdict(list)
+    for record in sorted(records, key=Record.key):
+        groups[record.category, record.variant, record.tolerance_m].append(record)
+    rows = [
+        _row(group, category=category, variant=variant, tolerance_m=tolerance_m, seed=seed)
+        for (category, variant, tolerance_m), group in groups.items()
+    ]
+    rows.sort(key=lambda row: _order(row, classes=classes))
+    return Table(
+        rows=tuple(row for row in rows if row.tolerance_m == reported_tolerance_m),
+        sweep=tuple(rows),
+        reported_tolerance_m=reported_tolerance_m,
+    )
+
+
+def _row(
+    group: Sequence[Record], *, category: str, variant: Variant, tolerance_m: float, seed: int
+) -> Row:
+    scored = [record for record in group if record.status == "ok"]
+    values = {}
+    for column in COLUMNS:
+        cells = [column.value(record) for record in scored]
+        defined = np.array([np.nan if cell is None else cell for cell in cells], dtype=np.float64)
+        values[column.key] = mean_estimate(defined, seed=seed)
+    return Row(
+        category=category,
+        variant=variant,
+        tolerance_m=tolerance_m,
+        scenes=len(scored),
+        failed=len(group) - len(scored),
+        values=values,
+        seed=seed_numbers(category=category, variant=variant),
+    )
+
+
+def _order(row: Row, *, classes: Sequence[str]) -> tuple[object, ...]:
+    """Seed's order: by class, with completion first, classic before metric."""
+    model = row.variant.model
+    return (
+        classes.index(row.category) if row.category in classes else len(classes),
+        row.category,
+        row.variant.completion == "none",
+        row.variant.completion,
+        _MODEL_ORDER.index(model) if model in _MODEL_ORDER else len(_MODEL_ORDER),
+        model,
+        row.variant.segmenter,
+        row.tolerance_m,
+    )

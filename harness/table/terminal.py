@@ -1,0 +1,121 @@
+"""The table on a terminal, stacked where the terminal is too narrow for one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich import box
+from rich.console import Group, RenderableType
+from rich.table import Table as Grid
+from rich.text import Text
+
+from harness.table.cells import (
+    explanation,
+    has_seed,
+    interval,
+    millimetres,
+    number,
+    scene_count,
+    signed,
+)
+from harness.table.columns import (
+    COLUMNS,
+    FURTHER_COLUMNS,
+    SEED_COLUMNS,
+    SWEEP_COLUMNS,
+    Column,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from harness.table.summary import Row, Table
+
+_CELL_WIDTH = len("+0.000")
+_PADDING = 2
+
+
+def render_terminal(table: Table, *, width: int) -> RenderableType:
+    """Lay the table out for a terminal of `width` columns."""
+    if not table.rows:
+        return Text("no scene was scored", style="bold red")
+    parts: list[RenderableType] = []
+    for columns in _stacks(table.rows, width=width):
+        grid = _grid(columns)
+        for row in table.rows:
+            for label, cells in _lines(row, columns):
+                grid.add_row(label, *cells, style=None if label == row.label else "dim")
+            grid.add_section()
+        parts.append(grid)
+    parts.append(Text(explanation(table), style="dim"))
+    if len({row.tolerance_m for row in table.sweep}) > 1:
+        parts.append(_sweep(table, width=width))
+    return Group(*parts)
+
+
+def _lines(row: Row, columns: Sequence[Column]) -> Iterator[tuple[str, list[str]]]:
+    """Yield the lines of a row, each a label and its cells."""
+    estimates = [row.values[column.key] for column in columns]
+    yield row.label, [number(estimate.mean) for estimate in estimates]
+    if any(interval(estimate) for estimate in estimates):
+        yield "  95 % from", [number(estimate.low) for estimate in estimates]
+        yield "  95 % to", [number(estimate.high) for estimate in estimates]
+    if any(estimate.count < row.scenes for estimate in estimates):
+        yield "  defined in", [str(estimate.count) for estimate in estimates]
+    if has_seed(row, columns):
+        stated = [number(row.seed[c.key]) if c.key in row.seed else "" for c in columns]
+        yield "  seed", stated
+        ours = [signed(row.difference(c.key)) if c.key in row.seed else "" for c in columns]
+        yield "  ours less seed", ours
+    yield f"  {scene_count(row)}", ["" for _ in columns]
+
+
+def _sweep(table: Table, *, width: int) -> RenderableType:
+    parts: list[RenderableType] = [Text("\nBy tolerance", style="bold")]
+    label_width = max(len(_sweep_label(row)) for row in table.sweep)
+    for columns in _chunks(SWEEP_COLUMNS, label_width=label_width, width=width):
+        grid = _grid(columns)
+        for row in table.sweep:
+            cells = [number(row.values[column.key].mean) for column in columns]
+            grid.add_row(_sweep_label(row), *cells)
+        parts.append(grid)
+    return Group(*parts)
+
+
+def _sweep_label(row: Row) -> str:
+    return f"{row.label}, {millimetres(row.tolerance_m)}"
+
+
+def _grid(columns: Sequence[Column]) -> Grid:
+    grid = Grid(box=box.SIMPLE_HEAD, pad_edge=False)
+    grid.add_column("", no_wrap=True)
+    for column in columns:
+        grid.add_column(column.heading, justify="right", no_wrap=True)
+    return grid
+
+
+def _stacks(rows: Sequence[Row], *, width: int) -> list[Sequence[Column]]:
+    """All columns if they fit; else the seed's first and the further ones below."""
+    labels = [label for row in rows for label, _ in _lines(row, COLUMNS)]
+    label_width = max(len(label) for label in labels)
+    whole = _chunks(COLUMNS, label_width=label_width, width=width)
+    if len(whole) == 1:
+        return whole
+    return [
+        chunk
+        for part in (SEED_COLUMNS, FURTHER_COLUMNS)
+        for chunk in _chunks(part, label_width=label_width, width=width)
+    ]
+
+
+def _chunks(columns: Sequence[Column], *, label_width: int, width: int) -> list[Sequence[Column]]:
+    """Columns in as many tables as the width needs, one column in each at least."""
+    chunks: list[Sequence[Column]] = []
+    start, used = 0, label_width
+    for index, column in enumerate(columns):
+        needed = max(len(column.heading), _CELL_WIDTH) + _PADDING
+        if index > start and used + needed > width:
+            chunks.append(columns[start:index])
+            start, used = index, label_width
+        used += needed
+    return [*chunks, columns[start:]]

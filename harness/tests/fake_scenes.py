@@ -1,0 +1,112 @@
+"""Scene functions without a simulator, for tests of everything around them.
+
+Their records are a function of the job alone. What goes wrong is told by files in the folder that
+the environment variable FAKE_SCENES names, so that the configuration of a disturbed run equals
+that of an undisturbed one.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from harness.config import Config
+from harness.runs.job import SceneJob
+from harness.runs.records import Record, SceneResult, Timing, Variant
+
+SCENE_FUNCTION = f"{__name__}:run_scene"
+VARIANTS_FUNCTION = f"{__name__}:variants"
+
+
+@dataclass(frozen=True)
+class FakeModel:
+    name: str
+    category: str
+
+
+MODELS = [FakeModel(f"{category}_{i}", category) for category in ("mug", "bowl") for i in range(3)]
+
+
+def variants(config: Config) -> list[Variant]:
+    return [Variant("classic")]
+
+
+def fake_record(
+    job: SceneJob, *, variant: Variant, tolerance_m: float, views: int = 3, points: int = 1000
+) -> Record:
+    rng = np.random.default_rng(job.seed)
+    tp, tn, fp = (int(n) for n in rng.integers(0, points // 3, size=3))
+    return Record(
+        scene_id=job.scene_id,
+        category=job.category,
+        object_name=job.object_name,
+        seed=job.seed,
+        model=variant.model,
+        completion=variant.completion,
+        segmenter=variant.segmenter,
+        views=views,
+        tolerance_m=tolerance_m,
+        redraws=0,
+        test_points=points,
+        tp=tp,
+        tn=tn,
+        fp=fp,
+        fn=points - tp - tn - fp,
+        precision=tp / (tp + fp) if tp + fp else None,
+        accuracy=(tp + tn) / points,
+        auroc=float(rng.uniform()),
+    )
+
+
+def run_scene(job: SceneJob, config: Config) -> SceneResult:
+    """The result of a scene, unless a file of the scene's name tells otherwise."""
+    if (folder := os.environ.get("FAKE_SCENES")) is not None:
+        _disturb(Path(folder) / job.scene_id)
+    records = [
+        fake_record(job, variant=variant, tolerance_m=tolerance_m, views=config.scenes.views)
+        for variant in variants(config)
+        for tolerance_m in config.protocol.tolerances_m
+    ]
+    timing = Timing(scene_id=job.scene_id, stage="render", model=None, seconds=0.5)
+    return SceneResult(records, [timing])
+
+
+def _disturb(order: Path) -> None:
+    """Do what the file says: once if its first word is ``once``, and note that it was begun."""
+    with (order.parent / "begun").open("a", encoding="utf-8") as begun:
+        begun.write(f"{os.getpid()} {order.name}\n")
+    if not order.exists():
+        return
+    words = order.read_text(encoding="utf-8").split()
+    if words[0] == "once":
+        order.unlink()
+        words = words[1:]
+    if words[0] == "die":
+        os.kill(os.getpid(), signal.SIGKILL)
+    elif words[0] == "exit":
+        raise SystemExit(3)
+    elif words[0] == "raise":
+        raise RuntimeError(f"no such luck\nin {order.name}")
+    elif words[0] == "sleep":
+        time.sleep(60)
+
+
+def returns_nothing(job: SceneJob, config: Config) -> None:
+    """Not a scene function."""
+
+
+def thread_limits(job: SceneJob, config: Config) -> SceneResult:
+    """The worker's thread limits, as the text of a failure."""
+    names = ("OMP_NUM_THREADS", "RAYON_NUM_THREADS")
+    raise RuntimeError(" ".join(os.environ[name] for name in names))
+
+
+def foreign_records(job: SceneJob, config: Config) -> SceneResult:
+    """Records of another scene."""
+    other = SceneJob("other-0000", job.category, job.object_name, job.seed)
+    return run_scene(other, config)

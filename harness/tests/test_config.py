@@ -1,0 +1,154 @@
+"""Configuration files: defaults, ranges, and the help that a misspelt key gets."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from harness.config import Config, Override, differing_keys, load_config
+from harness.errors import InputError
+
+
+def no_check(_: str) -> None:
+    """A pipeline that accepts everything."""
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(text: str) -> Path:
+        path = tmp_path / "my.toml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+def message(path: Path | None, *overrides: Override) -> str:
+    with pytest.raises(InputError) as caught:
+        load_config(path, overrides=overrides, check_pipeline=no_check)
+    text = str(caught.value)
+    assert "\n" not in text
+    return text
+
+
+def test_the_defaults_are_the_seeds_protocol():
+    config = load_config(None, check_pipeline=no_check)
+    assert config == Config()
+    assert (config.protocol.training_points, config.protocol.test_points) == (3600, 1000)
+    assert config.protocol.tolerances_m == (0.0025, 0.005, 0.01)
+    assert (config.run.scenes, config.scenes.views) == (16, 3)
+    assert config.run.classes == ("mug", "bowl")
+
+
+def test_a_file_takes_the_place_of_defaults_and_options_of_the_file(write):
+    path = write("[run]\nscenes = 4\nseed = 7\n[scenes.depth_noise]\naxial = false\n")
+    config = load_config(
+        path, overrides=(Override("run.scenes", 2, "--scenes"),), check_pipeline=no_check
+    )
+    assert (config.run.scenes, config.run.seed) == (2, 7)
+    assert not config.scenes.depth_noise.axial
+    assert config.scenes.depth_noise.z16
+
+
+def test_toml_round_trip(write):
+    path = write(
+        '[run]\nclasses = ["bowl"]\nworkers = 3\n[protocol]\ntolerances_m = [0.005, 0.02]\n'
+        '[pipeline]\nsegmenter = "oracle"\ngp = {models = ["classic"], fit_points = 90}\n'
+    )
+    config = load_config(path, check_pipeline=no_check)
+    assert load_config(write(config.to_toml()), check_pipeline=no_check) == config
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "place", "nearest"),
+    [
+        ("[run]\nscens = 4", "scens", "in [run]", "scenes"),
+        ("[protocl]\ntest_points = 4", "protocl", "at the top level", "protocol"),
+        ("[scenes.depth_noise]\naxail = true", "axail", "in [scenes.depth_noise]", "axial"),
+        ("[protocol]\ntolerance_m = [0.005]", "tolerance_m", "in [protocol]", "tolerances_m"),
+    ],
+)
+def test_a_misspelt_key_gets_its_nearest_and_the_file(write, text, key, place, nearest):
+    path = write(text)
+    problem = message(path)
+    assert problem.startswith(f"{path}: unknown key '{key}' {place}; nearest is '{nearest}'")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("[scenes]\nviews = 0", "scenes.views = 0: should be greater than or equal to 1"),
+        ("[run]\nscenes = 0", "run.scenes = 0: should be greater than or equal to 1"),
+        ("[run]\nseed = -1", "run.seed = -1: should be greater than or equal to 0"),
+        ('[run]\nscenes = "8"', "run.scenes = '8': should be a valid integer"),
+        ("[protocol]\ntolerances_m = [0.0, 0.005]", "protocol.tolerances_m.0 = 0.0: should be gr"),
+        ("[protocol]\ntolerances_m = [nan, 0.005]", "protocol.tolerances_m.0 = nan: should be"),
+        ("[protocol]\ntest_points = 0", "protocol.test_points = 0: should be greater than or"),
+        ("[protocol]\ntraining_points = 1", "protocol.training_points = 1: should be greater"),
+        ("[protocol]\nreported_tolerance_m = 0.007", "0.007 is not one of tolerances_m"),
+        ("[protocol]\ntolerances_m = [0.005, 0.005]", "names a distance twice"),
+        ('[run]\nclasses = ["mug", "mug"]', "names a class twice"),
+        ('[run]\nclasses = ["spoon"]', "run.classes.0 = 'spoon': should be 'bottle', 'bowl'"),
+        ("[run]\nclasses = []", "run.classes = []"),
+        ("[scenes]\nwidth = 8", "scenes.width = 8: should be greater than or equal to 16"),
+        ("[run\n", "is not valid TOML"),
+    ],
+)
+def test_values_out_of_range_are_named_with_the_file(write, text, expected):
+    path = write(text)
+    problem = message(path)
+    assert str(path) in problem
+    assert expected in problem
+
+
+def test_a_value_of_the_command_line_is_named_by_its_option():
+    problem = message(None, Override("run.scenes", 0, "--scenes"))
+    assert problem == "--scenes 0: should be greater than or equal to 1"
+
+
+def test_files_that_cannot_be_read(tmp_path):
+    missing = tmp_path / "none.toml"
+    assert message(missing) == f"cannot read the configuration {missing}: No such file or directory"
+    assert "Is a directory" in message(tmp_path)
+    latin = tmp_path / "latin.toml"
+    latin.write_bytes(b"# \xe9")
+    assert "is not UTF-8 text" in message(latin)
+
+
+def test_the_pipeline_table_goes_to_its_own_check(write):
+    path = write("[pipeline.gp]\nfit_point = 3")
+    seen = []
+
+    def refuse(text: str) -> None:
+        seen.append(json.loads(text))
+        raise ValueError("unknown key gp.fit_point; did you mean gp.fit_points?")
+
+    with pytest.raises(InputError) as caught:
+        load_config(path, check_pipeline=refuse)
+    assert seen == [{"gp": {"fit_point": 3}}]
+    assert str(caught.value) == (
+        f"{path}: [pipeline] unknown key gp.fit_point; did you mean gp.fit_points?"
+    )
+
+
+def test_a_relative_objects_folder_counts_from_the_file(write, tmp_path):
+    config = load_config(write('[scenes]\nobjects = "../meshes"'), check_pipeline=no_check)
+    assert config.scenes.objects == tmp_path.parent / "meshes"
+
+
+def test_workers_do_not_belong_to_a_configurations_identity():
+    config = Config()
+    busier = Config.model_validate({"run": {"workers": 7}})
+    assert differing_keys(ours=config, theirs=busier) == []
+    assert config.short_hash() == busier.short_hash()
+
+
+def test_differing_keys_are_named_with_both_values():
+    other = Config.model_validate({"run": {"seed": 5}, "pipeline": {"gp": {"fit_points": 9}}})
+    assert differing_keys(ours=other, theirs=Config()) == [
+        "pipeline.gp.fit_points (unset there, 9 asked)",
+        "run.seed (0 there, 5 asked)",
+    ]
+    assert other.short_hash() != Config().short_hash()

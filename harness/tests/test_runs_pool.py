@@ -1,0 +1,153 @@
+"""Worker processes: what is reported of deaths and exceptions, and that none is left behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections import Counter
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from harness.config import Config
+from harness.runs.job import SceneJob
+from harness.runs.pool import SceneDone, SceneFailed, ScenePool, UnusableWorkerError, WorkerDied
+from harness.tests import fake_scenes
+
+JOBS = [SceneJob(f"mug-{i:04d}", "mug", "mug_0", seed=i) for i in range(5)]
+
+
+@pytest.fixture
+def orders(tmp_path, monkeypatch):
+    folder = tmp_path / "orders"
+    folder.mkdir()
+    monkeypatch.setenv("FAKE_SCENES", str(folder))
+    return folder
+
+
+@pytest.fixture
+def make_pool(tmp_path):
+    def make(function: str = "run_scene", *, workers: int = 2, cores: int = 2) -> ScenePool:
+        logs = tmp_path / "logs"
+        logs.mkdir(exist_ok=True)
+        return ScenePool(
+            target=f"{fake_scenes.__name__}:{function}",
+            arguments=(Config(),),
+            workers=workers,
+            cores=cores,
+            log_folder=logs,
+        )
+
+    return make
+
+
+def begun(orders: Path) -> list[tuple[int, str]]:
+    lines = (orders / "begun").read_text(encoding="utf-8").splitlines()
+    return [(int(line.split()[0]), line.split()[1]) for line in lines]
+
+
+def is_alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_every_job_is_computed_once_on_as_many_processes_as_asked(make_pool, orders, tmp_path):
+    events = list(make_pool(workers=2).run(JOBS))
+    assert sorted(event.job.scene_id for event in events) == [job.scene_id for job in JOBS]
+    for event in events:
+        assert isinstance(event, SceneDone)
+        assert event.result == fake_scenes.run_scene(event.job, Config())
+        assert event.seconds >= 0
+        assert 10 < event.peak_memory_mib < 10_000
+    pids = {pid for pid, _ in begun(orders)} - {os.getpid()}
+    assert len(pids) == 2
+    assert not any(is_alive(pid) for pid in pids)
+    assert list((tmp_path / "logs").iterdir()) == []
+
+
+@pytest.mark.parametrize(("order", "reason"), [("die", "killed by SIGKILL"), ("exit", "exit code 3")])
+def test_a_dead_workers_scene_is_retried_once_in_a_fresh_worker(make_pool, orders, order, reason):
+    (orders / "mug-0001").write_text(f"once {order}", encoding="utf-8")
+    events = list(make_pool(workers=1).run(JOBS))
+    deaths = [event for event in events if isinstance(event, WorkerDied)]
+    assert [(event.job, event.reason) for event in deaths] == [(JOBS[1], reason)]
+    assert {event.job for event in events if isinstance(event, SceneDone)} == set(JOBS)
+    first, second = (pid for pid, scene in begun(orders) if scene == "mug-0001")
+    assert first != second
+
+
+def test_a_scene_that_kills_two_workers_fails_and_the_others_go_on(make_pool, orders):
+    (orders / "mug-0001").write_text("die", encoding="utf-8")
+    events = list(make_pool(workers=2).run(JOBS))
+    failed = [event for event in events if isinstance(event, SceneFailed)]
+    assert [(event.job, event.failure) for event in failed] == [
+        (JOBS[1], "its worker died 2 times; last: killed by SIGKILL")
+    ]
+    assert len([event for event in events if isinstance(event, SceneDone)]) == len(JOBS) - 1
+    assert Counter(scene for _, scene in begun(orders))["mug-0001"] == 2
+
+
+def test_an_exception_fails_its_scene_without_retry_and_leaves_its_traceback(
+    make_pool, orders, tmp_path
+):
+    (orders / "mug-0001").write_text("raise", encoding="utf-8")
+    events = list(make_pool(workers=1).run(JOBS))
+    failed = [event for event in events if isinstance(event, SceneFailed)]
+    assert [(event.job, event.failure) for event in failed] == [
+        (JOBS[1], "RuntimeError: no such luck in mug-0001")
+    ]
+    assert len(begun(orders)) == len(JOBS)
+    (log,) = (tmp_path / "logs").iterdir()
+    assert "Traceback" in log.read_text(encoding="utf-8")
+
+
+def test_a_function_that_returns_something_else(make_pool):
+    (event,) = make_pool("returns_nothing").run(JOBS[:1])
+    assert event == SceneFailed(
+        JOBS[0], "the scene function returned a NoneType, not a SceneResult"
+    )
+
+
+def test_a_function_that_cannot_be_imported_stops_the_run(make_pool):
+    with pytest.raises(UnusableWorkerError, match="workers cannot run scenes: AttributeError"):
+        list(make_pool("no_such_function").run(JOBS))
+
+
+def test_cores_are_shared_among_the_workers(make_pool):
+    (event,) = make_pool("thread_limits", workers=2, cores=6).run(JOBS[:1])
+    assert event.failure == "RuntimeError: 3 3"
+    (event,) = make_pool("thread_limits", workers=3, cores=2).run(JOBS[:1])
+    assert event.failure == "RuntimeError: 1 1"
+
+
+def test_leaving_early_leaves_no_process(make_pool, orders):
+    (orders / "mug-0001").write_text("sleep", encoding="utf-8")
+    with closing(make_pool(workers=2).run(JOBS)) as events:
+        next(events)
+    pids = {pid for pid, _ in begun(orders)}
+    assert pids
+    assert not any(is_alive(pid) for pid in pids)
+
+
+def test_a_worker_killed_from_outside_in_the_middle_of_a_scene(make_pool, orders):
+    (orders / "mug-0000").write_text("once sleep", encoding="utf-8")
+    events = make_pool(workers=1).run(JOBS[:1])
+
+    def kill_once_begun() -> None:
+        while not (orders / "begun").exists() or (orders / "mug-0000").exists():
+            time.sleep(0.01)
+        os.kill(begun(orders)[0][0], signal.SIGKILL)
+
+    killer = threading.Thread(target=kill_once_begun, daemon=True)
+    killer.start()
+    first, second = events
+    killer.join()
+    assert isinstance(first, WorkerDied)
+    assert first.reason == "killed by SIGKILL"
+    assert isinstance(second, SceneDone)

@@ -1,0 +1,143 @@
+"""Records and timings: what they refuse, and their files."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import polars as pl
+import pytest
+
+from harness.errors import InputError
+from harness.runs.fragment import DamagedFragmentError, read_fragment, write_fragment
+from harness.runs.job import SceneJob
+from harness.runs.records import (
+    COUNTS,
+    METRICS,
+    RECORD_SCHEMA,
+    TIMING_SCHEMA,
+    Record,
+    SceneResult,
+    Timing,
+    Variant,
+    read_records,
+    read_timings,
+    write_records,
+    write_timings,
+)
+from harness.tests.fake_scenes import fake_record
+
+JOB = SceneJob("mug-0000", "mug", "mug_0", seed=2**63 - 1)
+RECORD = fake_record(JOB, variant=Variant("classic"), tolerance_m=0.005)
+TIMING = Timing(scene_id="mug-0000", stage="gp fit", model="classic", seconds=0.25)
+
+
+def test_the_schema_is_that_of_the_fields():
+    assert list(RECORD_SCHEMA) == [item.name for item in dataclasses.fields(Record)]
+    assert {RECORD_SCHEMA[name] for name in METRICS} == {pl.Float64()}
+    assert {RECORD_SCHEMA[name] for name in COUNTS} == {pl.Int64()}
+    assert RECORD_SCHEMA["failure"] == pl.String()
+    assert TIMING_SCHEMA["peak_memory_mib"] == pl.Float64()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"precision": float("nan")}, "precision is nan; an undefined value is None"),
+        ({"brier": float("inf")}, "brier is inf"),
+        ({"brier": 1}, "brier is 1 of type int; it must be float"),
+        ({"tp": np.int64(3)}, "of type int64; it must be int"),
+        ({"model": None}, "model is None of type NoneType; it must be str"),
+        ({"status": "fine"}, "status 'fine' is neither 'ok' nor 'failed'"),
+        ({"status": "failed"}, "a failure is stated exactly where status is 'failed'"),
+        ({"failure": "no"}, "a failure is stated exactly where status is 'failed'"),
+        ({"fp": None}, "do not add up"),
+        ({"test_points": 999}, "do not add up to test_points = 999"),
+    ],
+)
+def test_a_record_refuses_what_it_cannot_mean(change, message):
+    with pytest.raises(ValueError, match="mug-0000") as caught:
+        dataclasses.replace(RECORD, **change)
+    assert message in str(caught.value)
+
+
+def test_a_failed_record_has_neither_counts_nor_metrics():
+    record = Record.failed(
+        JOB, variant=Variant("classic"), views=3, tolerance_m=0.005, failure="lost"
+    )
+    assert (record.status, record.failure) == ("failed", "lost")
+    assert all(getattr(record, name) is None for name in (*COUNTS, *METRICS))
+
+
+def test_parquet_round_trip_in_the_order_of_keys(tmp_path):
+    jobs = [JOB, SceneJob("bowl-0001", "bowl", "bowl_1", seed=5)]
+    records = [
+        fake_record(job, variant=Variant(model), tolerance_m=tolerance_m)
+        for job in jobs
+        for model in ("metric", "classic")
+        for tolerance_m in (0.01, 0.0025)
+    ]
+    path = tmp_path / "records.parquet"
+    write_records(records, path)
+    assert read_records(path) == sorted(records, key=Record.key)
+    assert read_records(path)[0].scene_id == "bowl-0001"
+    before = path.read_bytes()
+    write_records(reversed(records), path)
+    assert path.read_bytes() == before
+    assert [file.name for file in tmp_path.iterdir()] == ["records.parquet"]
+
+
+def test_all_null_columns_keep_their_type(tmp_path):
+    path = tmp_path / "records.parquet"
+    failed = Record.failed(
+        JOB, variant=Variant("classic"), views=3, tolerance_m=0.005, failure="lost"
+    )
+    write_records([failed], path)
+    assert pl.read_parquet(path).schema == RECORD_SCHEMA
+    assert read_records(path) == [failed]
+
+
+def test_timings_keep_the_order_of_the_stages(tmp_path):
+    stages = [dataclasses.replace(TIMING, stage=stage) for stage in ("render", "map", "gp fit")]
+    path = tmp_path / "timings.parquet"
+    write_timings(stages, path)
+    assert read_timings(path) == stages
+
+
+def test_files_of_records_that_cannot_be_read(tmp_path):
+    path = tmp_path / "records.parquet"
+    with pytest.raises(InputError, match="is missing; finish the run"):
+        read_records(path)
+    write_records([RECORD], path)
+    path.write_bytes(path.read_bytes()[:-20])
+    with pytest.raises(InputError, match=r"records.parquet is damaged \(.*\); delete it"):
+        read_records(path)
+    pl.DataFrame({"scene_id": ["a"]}).write_parquet(path)
+    with pytest.raises(InputError, match="has other columns than this version's"):
+        read_records(path)
+
+
+def test_fragment_round_trip_is_exact(tmp_path):
+    third = dataclasses.replace(RECORD, auroc=1 / 3, brier=5e-324)
+    path = tmp_path / "mug-0000.json"
+    write_fragment(path, SceneResult([third], [TIMING]))
+    assert read_fragment(path, job=JOB) == SceneResult([third], [TIMING])
+
+
+def test_a_fragment_that_was_cut_or_altered_is_noticed(tmp_path):
+    path = tmp_path / "mug-0000.json"
+    write_fragment(path, SceneResult([RECORD], [TIMING]))
+    whole = path.read_bytes()
+    for length in (0, 5, whole.index(b"\n"), len(whole) // 2, len(whole) - 2):
+        path.write_bytes(whole[:length])
+        with pytest.raises(DamagedFragmentError):
+            read_fragment(path, job=JOB)
+    path.write_bytes(whole.replace(b'"tp": ', b'"tp": 1'))
+    with pytest.raises(DamagedFragmentError, match="checksum"):
+        read_fragment(path, job=JOB)
+    path.write_bytes(whole.replace(b'"schema_version": 1', b'"schema_version": 0'))
+    with pytest.raises(DamagedFragmentError, match="schema 0, not 1"):
+        read_fragment(path, job=JOB)
+    path.write_bytes(whole)
+    with pytest.raises(DamagedFragmentError, match="another scene's result"):
+        read_fragment(path, job=dataclasses.replace(JOB, seed=1))
