@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path  # noqa: TC003 - typer reads annotations at run time
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -35,7 +35,6 @@ UNBOUNDED_WIDTH = 160
 app = typer.Typer(
     name="harness",
     help="Benchmark of confidence scores in semantic maps, on simulated scenes with known meshes.",
-    no_args_is_help=True,
     add_completion=False,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
@@ -44,6 +43,18 @@ app = typer.Typer(
 
 wiring = Wiring()
 """What the commands run on."""
+
+
+def _whole_number(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise typer.BadParameter(f"'{text}' is not a whole number; pass one such as 8") from None
+
+
+def _number(help_text: str) -> Any:
+    """Option for a whole number, which names the value that is none."""
+    return typer.Option(parser=_whole_number, metavar="N", help=help_text)
 
 
 @app.command(
@@ -62,13 +73,13 @@ def bench(
         bool, typer.Option("--quick", help=f"{QUICK_SCENES} scenes of each class instead of 16.")
     ] = False,
     scenes: Annotated[
-        int | None, typer.Option(help="Scenes of each class; the first of a longer run's.")
+        int | None, _number("Scenes of each class; the first of a longer run's.")
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(help="Same seed, same configuration: same records, bit for bit.")
+        int | None, _number("Same seed, same configuration: same records, bit for bit.")
     ] = None,
     workers: Annotated[
-        int | None, typer.Option(help="Worker processes [one per core]; no result depends on it.")
+        int | None, _number("Worker processes, by default one per core; no result depends on it.")
     ] = None,
     objects: Annotated[
         Path | None,
@@ -79,7 +90,8 @@ def bench(
     out: Annotated[
         Path | None,
         typer.Option(
-            metavar="RUN", help="Folder to write [results/TIME-HASH]; an existing run continues."
+            metavar="RUN",
+            help="Folder to write, by default results/TIME-HASH; a run in it continues.",
         ),
     ] = None,
     config: Annotated[
@@ -146,7 +158,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit code."""
     try:
         check_python(sys.version_info[:2])
-        code = app(None if arguments is None else list(arguments), standalone_mode=False)
+        given = sys.argv[1:] if arguments is None else list(arguments)
+        code = app(given or ["--help"], standalone_mode=False)
     except InputError as error:
         return _fail(str(error), EXIT_BAD_INPUT)
     except typer.TyperException as error:

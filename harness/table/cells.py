@@ -55,6 +55,6 @@ def explanation(table: Table) -> str:
     return (
         "Mean over scenes with 95 % bootstrap (BCa) interval; TP to FN are fractions of the test "
         f"points. A point lies on the mesh within {millimetres(table.reported_tolerance_m)} of it. "
-        f"{UNDEFINED} is undefined; n counts the scenes where a value is defined, if not in all. "
+        f"{UNDEFINED} is undefined; n (or 'defined in') counts the scenes that define a value. "
         "Seed: its Table III, whose 'Acc.' column is precision."
     )

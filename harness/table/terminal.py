@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from harness.table.summary import Row, Table
 
 _CELL_WIDTH = len("+0.000")
-_PADDING = 2
+_GAP = 3
 
 
 def render_terminal(table: Table, *, width: int) -> RenderableType:
@@ -46,7 +46,7 @@ def render_terminal(table: Table, *, width: int) -> RenderableType:
             for label, cells in _lines(row, columns):
                 grid.add_row(label, *cells, style=None if label == row.label else "dim")
             grid.add_section()
-        parts.append(grid)
+        parts += [grid, Text()]
     parts.append(Text(explanation(table), style="dim"))
     if len({row.tolerance_m for row in table.sweep}) > 1:
         parts.append(_sweep(table, width=width))
@@ -78,7 +78,7 @@ def _sweep(table: Table, *, width: int) -> RenderableType:
         for row in table.sweep:
             cells = [number(row.values[column.key].mean) for column in columns]
             grid.add_row(_sweep_label(row), *cells)
-        parts.append(grid)
+        parts += [grid, Text()]
     return Group(*parts)
 
 
@@ -87,11 +87,17 @@ def _sweep_label(row: Row) -> str:
 
 
 def _grid(columns: Sequence[Column]) -> Grid:
-    grid = Grid(box=box.SIMPLE_HEAD, pad_edge=False)
-    grid.add_column("", no_wrap=True)
+    grid = Grid(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    grid.add_column("", overflow="fold")
     for column in columns:
-        grid.add_column(column.heading, justify="right", no_wrap=True)
+        grid.add_column(
+            column.heading, justify="right", no_wrap=True, min_width=_column_width(column)
+        )
     return grid
+
+
+def _column_width(column: Column) -> int:
+    return max(len(column.heading), _CELL_WIDTH)
 
 
 def _stacks(rows: Sequence[Row], *, width: int) -> list[Sequence[Column]]:
@@ -113,7 +119,7 @@ def _chunks(columns: Sequence[Column], *, label_width: int, width: int) -> list[
     chunks: list[Sequence[Column]] = []
     start, used = 0, label_width
     for index, column in enumerate(columns):
-        needed = max(len(column.heading), _CELL_WIDTH) + _PADDING
+        needed = _column_width(column) + _GAP
         if index > start and used + needed > width:
             chunks.append(columns[start:index])
             start, used = index, label_width

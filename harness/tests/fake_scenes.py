@@ -12,12 +12,15 @@ import signal
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harness.config import Config
 from harness.runs.job import SceneJob
 from harness.runs.records import Record, SceneResult, Timing, Variant
+
+if TYPE_CHECKING:
+    from harness.config import Config
 
 SCENE_FUNCTION = f"{__name__}:run_scene"
 VARIANTS_FUNCTION = f"{__name__}:variants"
@@ -94,6 +97,21 @@ def _disturb(order: Path) -> None:
         raise RuntimeError(f"no such luck\nin {order.name}")
     elif words[0] == "sleep":
         time.sleep(60)
+
+
+def begun(orders: Path) -> list[tuple[int, str]]:
+    """Process and scene of every scene that was begun."""
+    lines = (orders / "begun").read_text(encoding="utf-8").splitlines()
+    return [(int(line.split()[0]), line.split()[1]) for line in lines]
+
+
+def is_alive(pid: int) -> bool:
+    """Whether a process exists, running or not collected."""
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
 
 
 def returns_nothing(job: SceneJob, config: Config) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -10,13 +11,15 @@ import pytest
 from harness.config import Config, Override, differing_keys, load_config
 from harness.errors import InputError
 
+Writer = Callable[[str], Path]
+
 
 def no_check(_: str) -> None:
     """A pipeline that accepts everything."""
 
 
 @pytest.fixture
-def write(tmp_path):
+def write(tmp_path: Path) -> Writer:
     def write(text: str) -> Path:
         path = tmp_path / "my.toml"
         path.write_text(text, encoding="utf-8")
@@ -33,7 +36,7 @@ def message(path: Path | None, *overrides: Override) -> str:
     return text
 
 
-def test_the_defaults_are_the_seeds_protocol():
+def test_the_defaults_are_the_seeds_protocol() -> None:
     config = load_config(None, check_pipeline=no_check)
     assert config == Config()
     assert (config.protocol.training_points, config.protocol.test_points) == (3600, 1000)
@@ -42,7 +45,7 @@ def test_the_defaults_are_the_seeds_protocol():
     assert config.run.classes == ("mug", "bowl")
 
 
-def test_a_file_takes_the_place_of_defaults_and_options_of_the_file(write):
+def test_a_file_takes_the_place_of_defaults_and_options_of_the_file(write: Writer) -> None:
     path = write("[run]\nscenes = 4\nseed = 7\n[scenes.depth_noise]\naxial = false\n")
     config = load_config(
         path, overrides=(Override("run.scenes", 2, "--scenes"),), check_pipeline=no_check
@@ -52,7 +55,7 @@ def test_a_file_takes_the_place_of_defaults_and_options_of_the_file(write):
     assert config.scenes.depth_noise.z16
 
 
-def test_toml_round_trip(write):
+def test_toml_round_trip(write: Writer) -> None:
     path = write(
         '[run]\nclasses = ["bowl"]\nworkers = 3\n[protocol]\ntolerances_m = [0.005, 0.02]\n'
         '[pipeline]\nsegmenter = "oracle"\ngp = {models = ["classic"], fit_points = 90}\n'
@@ -70,7 +73,9 @@ def test_toml_round_trip(write):
         ("[protocol]\ntolerance_m = [0.005]", "tolerance_m", "in [protocol]", "tolerances_m"),
     ],
 )
-def test_a_misspelt_key_gets_its_nearest_and_the_file(write, text, key, place, nearest):
+def test_a_misspelt_key_gets_its_nearest_and_the_file(
+    write: Writer, text: str, key: str, place: str, nearest: str
+) -> None:
     path = write(text)
     problem = message(path)
     assert problem.startswith(f"{path}: unknown key '{key}' {place}; nearest is '{nearest}'")
@@ -96,19 +101,21 @@ def test_a_misspelt_key_gets_its_nearest_and_the_file(write, text, key, place, n
         ("[run\n", "is not valid TOML"),
     ],
 )
-def test_values_out_of_range_are_named_with_the_file(write, text, expected):
+def test_values_out_of_range_are_named_with_the_file(
+    write: Writer, text: str, expected: str
+) -> None:
     path = write(text)
     problem = message(path)
     assert str(path) in problem
     assert expected in problem
 
 
-def test_a_value_of_the_command_line_is_named_by_its_option():
+def test_a_value_of_the_command_line_is_named_by_its_option() -> None:
     problem = message(None, Override("run.scenes", 0, "--scenes"))
     assert problem == "--scenes 0: should be greater than or equal to 1"
 
 
-def test_files_that_cannot_be_read(tmp_path):
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     missing = tmp_path / "none.toml"
     assert message(missing) == f"cannot read the configuration {missing}: No such file or directory"
     assert "Is a directory" in message(tmp_path)
@@ -117,9 +124,9 @@ def test_files_that_cannot_be_read(tmp_path):
     assert "is not UTF-8 text" in message(latin)
 
 
-def test_the_pipeline_table_goes_to_its_own_check(write):
+def test_the_pipeline_table_goes_to_its_own_check(write: Writer) -> None:
     path = write("[pipeline.gp]\nfit_point = 3")
-    seen = []
+    seen: list[object] = []
 
     def refuse(text: str) -> None:
         seen.append(json.loads(text))
@@ -133,19 +140,19 @@ def test_the_pipeline_table_goes_to_its_own_check(write):
     )
 
 
-def test_a_relative_objects_folder_counts_from_the_file(write, tmp_path):
+def test_a_relative_objects_folder_counts_from_the_file(write: Writer, tmp_path: Path) -> None:
     config = load_config(write('[scenes]\nobjects = "../meshes"'), check_pipeline=no_check)
     assert config.scenes.objects == tmp_path.parent / "meshes"
 
 
-def test_workers_do_not_belong_to_a_configurations_identity():
+def test_workers_do_not_belong_to_a_configurations_identity() -> None:
     config = Config()
     busier = Config.model_validate({"run": {"workers": 7}})
     assert differing_keys(ours=config, theirs=busier) == []
     assert config.short_hash() == busier.short_hash()
 
 
-def test_differing_keys_are_named_with_both_values():
+def test_differing_keys_are_named_with_both_values() -> None:
     other = Config.model_validate({"run": {"seed": 5}, "pipeline": {"gp": {"fit_points": 9}}})
     assert differing_keys(ours=other, theirs=Config()) == [
         "pipeline.gp.fit_points (unset there, 9 asked)",

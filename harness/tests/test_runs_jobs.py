@@ -10,11 +10,11 @@ from harness.runs.job import SceneJob, plan_jobs, scene_seed
 from harness.tests.fake_scenes import MODELS, FakeModel
 
 
-def config(**run) -> Config:
+def config(**run: object) -> Config:
     return Config.model_validate({"run": run})
 
 
-def test_objects_take_turns_by_name():
+def test_objects_take_turns_by_name() -> None:
     jobs = plan_jobs(config(scenes=4), list(reversed(MODELS)))
     assert [(job.scene_id, job.object_name) for job in jobs] == [
         ("mug-0000", "mug_0"),
@@ -28,19 +28,19 @@ def test_objects_take_turns_by_name():
     ]
 
 
-def test_a_longer_run_starts_with_the_shorter_ones_scenes():
+def test_a_longer_run_starts_with_the_shorter_ones_scenes() -> None:
     short = plan_jobs(config(scenes=4), MODELS)
     long = plan_jobs(config(scenes=8), MODELS)
     assert short == [job for job in long if int(job.scene_id[-4:]) < 4]
 
 
-def test_a_class_keeps_its_scenes_whatever_the_other_classes():
+def test_a_class_keeps_its_scenes_whatever_the_other_classes() -> None:
     both = plan_jobs(config(scenes=3), MODELS)
     bowls = plan_jobs(config(scenes=3, classes=["bowl"]), MODELS)
     assert bowls == both[3:]
 
 
-def test_seeds_differ_by_run_class_and_index():
+def test_seeds_differ_by_run_class_and_index() -> None:
     seeds = {
         scene_seed(run_seed=run_seed, category=category, index=index)
         for run_seed in (0, 1, 10)
@@ -51,18 +51,18 @@ def test_seeds_differ_by_run_class_and_index():
     assert all(0 <= seed < 2**63 for seed in seeds)
 
 
-def test_seeds_never_change():
+def test_seeds_never_change() -> None:
     # Of blake2b("0/mug/0", digest_size=8, person="credence scene"), little endian, halved.
     assert scene_seed(run_seed=0, category="mug", index=0) == 3717801986405736027
 
 
-def test_clutter_reaches_the_jobs():
+def test_clutter_reaches_the_jobs() -> None:
     cluttered = Config.model_validate({"scenes": {"cluttered": True}})
     assert all(job.cluttered for job in plan_jobs(cluttered, MODELS))
     assert not SceneJob("mug-0000", "mug", "mug_0", 1).cluttered
 
 
-def test_a_class_without_objects_is_named_with_what_there_is():
+def test_a_class_without_objects_is_named_with_what_there_is() -> None:
     with pytest.raises(InputError) as caught:
         plan_jobs(config(classes=["mug", "can"]), [FakeModel("a", "mug"), FakeModel("b", "bowl")])
     assert str(caught.value) == (

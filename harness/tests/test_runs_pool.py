@@ -7,8 +7,9 @@ import signal
 import threading
 import time
 from collections import Counter
+from collections.abc import Callable
 from contextlib import closing
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -16,20 +17,19 @@ from harness.config import Config
 from harness.runs.job import SceneJob
 from harness.runs.pool import SceneDone, SceneFailed, ScenePool, UnusableWorkerError, WorkerDied
 from harness.tests import fake_scenes
+from harness.tests.fake_scenes import begun, is_alive
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 JOBS = [SceneJob(f"mug-{i:04d}", "mug", "mug_0", seed=i) for i in range(5)]
 
 
-@pytest.fixture
-def orders(tmp_path, monkeypatch):
-    folder = tmp_path / "orders"
-    folder.mkdir()
-    monkeypatch.setenv("FAKE_SCENES", str(folder))
-    return folder
+MakePool = Callable[..., ScenePool]
 
 
 @pytest.fixture
-def make_pool(tmp_path):
+def make_pool(tmp_path: Path) -> MakePool:
     def make(function: str = "run_scene", *, workers: int = 2, cores: int = 2) -> ScenePool:
         logs = tmp_path / "logs"
         logs.mkdir(exist_ok=True)
@@ -44,20 +44,9 @@ def make_pool(tmp_path):
     return make
 
 
-def begun(orders: Path) -> list[tuple[int, str]]:
-    lines = (orders / "begun").read_text(encoding="utf-8").splitlines()
-    return [(int(line.split()[0]), line.split()[1]) for line in lines]
-
-
-def is_alive(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    return True
-
-
-def test_every_job_is_computed_once_on_as_many_processes_as_asked(make_pool, orders, tmp_path):
+def test_every_job_is_computed_once_on_as_many_processes_as_asked(
+    make_pool: MakePool, orders: Path, tmp_path: Path
+) -> None:
     events = list(make_pool(workers=2).run(JOBS))
     assert sorted(event.job.scene_id for event in events) == [job.scene_id for job in JOBS]
     for event in events:
@@ -71,8 +60,12 @@ def test_every_job_is_computed_once_on_as_many_processes_as_asked(make_pool, ord
     assert list((tmp_path / "logs").iterdir()) == []
 
 
-@pytest.mark.parametrize(("order", "reason"), [("die", "killed by SIGKILL"), ("exit", "exit code 3")])
-def test_a_dead_workers_scene_is_retried_once_in_a_fresh_worker(make_pool, orders, order, reason):
+@pytest.mark.parametrize(
+    ("order", "reason"), [("die", "killed by SIGKILL"), ("exit", "exit code 3")]
+)
+def test_a_dead_workers_scene_is_retried_once_in_a_fresh_worker(
+    make_pool: MakePool, orders: Path, order: str, reason: str
+) -> None:
     (orders / "mug-0001").write_text(f"once {order}", encoding="utf-8")
     events = list(make_pool(workers=1).run(JOBS))
     deaths = [event for event in events if isinstance(event, WorkerDied)]
@@ -82,7 +75,9 @@ def test_a_dead_workers_scene_is_retried_once_in_a_fresh_worker(make_pool, order
     assert first != second
 
 
-def test_a_scene_that_kills_two_workers_fails_and_the_others_go_on(make_pool, orders):
+def test_a_scene_that_kills_two_workers_fails_and_the_others_go_on(
+    make_pool: MakePool, orders: Path
+) -> None:
     (orders / "mug-0001").write_text("die", encoding="utf-8")
     events = list(make_pool(workers=2).run(JOBS))
     failed = [event for event in events if isinstance(event, SceneFailed)]
@@ -94,8 +89,8 @@ def test_a_scene_that_kills_two_workers_fails_and_the_others_go_on(make_pool, or
 
 
 def test_an_exception_fails_its_scene_without_retry_and_leaves_its_traceback(
-    make_pool, orders, tmp_path
-):
+    make_pool: MakePool, orders: Path, tmp_path: Path
+) -> None:
     (orders / "mug-0001").write_text("raise", encoding="utf-8")
     events = list(make_pool(workers=1).run(JOBS))
     failed = [event for event in events if isinstance(event, SceneFailed)]
@@ -107,26 +102,26 @@ def test_an_exception_fails_its_scene_without_retry_and_leaves_its_traceback(
     assert "Traceback" in log.read_text(encoding="utf-8")
 
 
-def test_a_function_that_returns_something_else(make_pool):
+def test_a_function_that_returns_something_else(make_pool: MakePool) -> None:
     (event,) = make_pool("returns_nothing").run(JOBS[:1])
     assert event == SceneFailed(
         JOBS[0], "the scene function returned a NoneType, not a SceneResult"
     )
 
 
-def test_a_function_that_cannot_be_imported_stops_the_run(make_pool):
+def test_a_function_that_cannot_be_imported_stops_the_run(make_pool: MakePool) -> None:
     with pytest.raises(UnusableWorkerError, match="workers cannot run scenes: AttributeError"):
         list(make_pool("no_such_function").run(JOBS))
 
 
-def test_cores_are_shared_among_the_workers(make_pool):
+def test_cores_are_shared_among_the_workers(make_pool: MakePool) -> None:
     (event,) = make_pool("thread_limits", workers=2, cores=6).run(JOBS[:1])
-    assert event.failure == "RuntimeError: 3 3"
+    assert event == SceneFailed(JOBS[0], "RuntimeError: 3 3")
     (event,) = make_pool("thread_limits", workers=3, cores=2).run(JOBS[:1])
-    assert event.failure == "RuntimeError: 1 1"
+    assert event == SceneFailed(JOBS[0], "RuntimeError: 1 1")
 
 
-def test_leaving_early_leaves_no_process(make_pool, orders):
+def test_leaving_early_leaves_no_process(make_pool: MakePool, orders: Path) -> None:
     (orders / "mug-0001").write_text("sleep", encoding="utf-8")
     with closing(make_pool(workers=2).run(JOBS)) as events:
         next(events)
@@ -135,7 +130,9 @@ def test_leaving_early_leaves_no_process(make_pool, orders):
     assert not any(is_alive(pid) for pid in pids)
 
 
-def test_a_worker_killed_from_outside_in_the_middle_of_a_scene(make_pool, orders):
+def test_a_worker_killed_from_outside_in_the_middle_of_a_scene(
+    make_pool: MakePool, orders: Path
+) -> None:
     (orders / "mug-0000").write_text("once sleep", encoding="utf-8")
     events = make_pool(workers=1).run(JOBS[:1])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import polars as pl
@@ -27,12 +28,15 @@ from harness.runs.records import (
 )
 from harness.tests.fake_scenes import fake_record
 
+if TYPE_CHECKING:
+    from pathlib import Path
+
 JOB = SceneJob("mug-0000", "mug", "mug_0", seed=2**63 - 1)
 RECORD = fake_record(JOB, variant=Variant("classic"), tolerance_m=0.005)
 TIMING = Timing(scene_id="mug-0000", stage="gp fit", model="classic", seconds=0.25)
 
 
-def test_the_schema_is_that_of_the_fields():
+def test_the_schema_is_that_of_the_fields() -> None:
     assert list(RECORD_SCHEMA) == [item.name for item in dataclasses.fields(Record)]
     assert {RECORD_SCHEMA[name] for name in METRICS} == {pl.Float64()}
     assert {RECORD_SCHEMA[name] for name in COUNTS} == {pl.Int64()}
@@ -55,13 +59,13 @@ def test_the_schema_is_that_of_the_fields():
         ({"test_points": 999}, "do not add up to test_points = 999"),
     ],
 )
-def test_a_record_refuses_what_it_cannot_mean(change, message):
+def test_a_record_refuses_what_it_cannot_mean(change: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match="mug-0000") as caught:
         dataclasses.replace(RECORD, **change)
     assert message in str(caught.value)
 
 
-def test_a_failed_record_has_neither_counts_nor_metrics():
+def test_a_failed_record_has_neither_counts_nor_metrics() -> None:
     record = Record.failed(
         JOB, variant=Variant("classic"), views=3, tolerance_m=0.005, failure="lost"
     )
@@ -69,7 +73,7 @@ def test_a_failed_record_has_neither_counts_nor_metrics():
     assert all(getattr(record, name) is None for name in (*COUNTS, *METRICS))
 
 
-def test_parquet_round_trip_in_the_order_of_keys(tmp_path):
+def test_parquet_round_trip_in_the_order_of_keys(tmp_path: Path) -> None:
     jobs = [JOB, SceneJob("bowl-0001", "bowl", "bowl_1", seed=5)]
     records = [
         fake_record(job, variant=Variant(model), tolerance_m=tolerance_m)
@@ -87,7 +91,7 @@ def test_parquet_round_trip_in_the_order_of_keys(tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["records.parquet"]
 
 
-def test_all_null_columns_keep_their_type(tmp_path):
+def test_all_null_columns_keep_their_type(tmp_path: Path) -> None:
     path = tmp_path / "records.parquet"
     failed = Record.failed(
         JOB, variant=Variant("classic"), views=3, tolerance_m=0.005, failure="lost"
@@ -97,14 +101,14 @@ def test_all_null_columns_keep_their_type(tmp_path):
     assert read_records(path) == [failed]
 
 
-def test_timings_keep_the_order_of_the_stages(tmp_path):
+def test_timings_keep_the_order_of_the_stages(tmp_path: Path) -> None:
     stages = [dataclasses.replace(TIMING, stage=stage) for stage in ("render", "map", "gp fit")]
     path = tmp_path / "timings.parquet"
     write_timings(stages, path)
     assert read_timings(path) == stages
 
 
-def test_files_of_records_that_cannot_be_read(tmp_path):
+def test_files_of_records_that_cannot_be_read(tmp_path: Path) -> None:
     path = tmp_path / "records.parquet"
     with pytest.raises(InputError, match="is missing; finish the run"):
         read_records(path)
@@ -117,14 +121,14 @@ def test_files_of_records_that_cannot_be_read(tmp_path):
         read_records(path)
 
 
-def test_fragment_round_trip_is_exact(tmp_path):
+def test_fragment_round_trip_is_exact(tmp_path: Path) -> None:
     third = dataclasses.replace(RECORD, auroc=1 / 3, brier=5e-324)
     path = tmp_path / "mug-0000.json"
     write_fragment(path, SceneResult([third], [TIMING]))
     assert read_fragment(path, job=JOB) == SceneResult([third], [TIMING])
 
 
-def test_a_fragment_that_was_cut_or_altered_is_noticed(tmp_path):
+def test_a_fragment_that_was_cut_or_altered_is_noticed(tmp_path: Path) -> None:
     path = tmp_path / "mug-0000.json"
     write_fragment(path, SceneResult([RECORD], [TIMING]))
     whole = path.read_bytes()

@@ -1,0 +1,13 @@
+"""The benchmark on fake scenes; apart from them, so that workers need not import the benchmark."""
+
+from __future__ import annotations
+
+from harness.bench import Wiring
+from harness.tests.fake_scenes import MODELS, SCENE_FUNCTION, VARIANTS_FUNCTION
+
+WIRING = Wiring(
+    scene_function=SCENE_FUNCTION,
+    variants_function=VARIANTS_FUNCTION,
+    load_objects=lambda _: MODELS,
+    check_pipeline=lambda _: None,
+)

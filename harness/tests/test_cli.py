@@ -1,0 +1,190 @@
+"""The command line: what it prints, and the one line and exit code that bad input gets."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+
+from harness import cli
+from harness.errors import InputError
+from harness.tests.fake_wiring import WIRING
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from harness.tests import fake_scenes
+
+INTERRUPTED = """
+import sys
+from harness import cli
+from harness.tests.fake_wiring import WIRING
+cli.wiring = WIRING
+sys.exit(cli.main(["bench", "--scenes", "1", "--workers", "2", "--out", sys.argv[1]]))
+"""
+
+
+Harness = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture(autouse=True)
+def fakes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cli, "wiring", WIRING)
+    monkeypatch.setenv("COLUMNS", "200")
+
+
+@pytest.fixture
+def harness(capsys: pytest.CaptureFixture[str]) -> Harness:
+    def harness(*arguments: object) -> tuple[int, str, str]:
+        code = cli.main([str(argument) for argument in arguments])
+        out, err = capsys.readouterr()
+        return code, out, err
+
+    return harness
+
+
+def refused(harness: Harness, *arguments: object) -> str:
+    """The one line of an answer to bad input."""
+    code, out, err = harness(*arguments)
+    assert code == 2
+    assert out == ""
+    assert err.startswith("harness: ")
+    assert err.count("\n") == 1
+    return err.removeprefix("harness: ").rstrip()
+
+
+def test_bench_prints_the_table_and_where_the_run_is(harness: Harness, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    code, out, err = harness("bench", "--scenes", "1", "--workers", "1", "--out", folder)
+    assert code == 0
+    assert "Mug classic" in out
+    assert "0.356" in out
+    assert out.splitlines()[-1].startswith("2 scenes in ")
+    assert f"written to {folder} " in out.splitlines()[-1]
+    assert re.findall(r"^(\d/2 \w+-0000) in [\d.]+ s$", err, re.MULTILINE) == [
+        "1/2 mug-0000",
+        "2/2 bowl-0000",
+    ]
+    code, shown, _ = harness("show", folder)
+    assert code == 0
+    assert shown == out.removesuffix(out.splitlines(keepends=True)[-1])
+
+
+def test_a_run_without_a_scored_scene_fails(harness: Harness, tmp_path: Path, orders: Path) -> None:
+    for scene in ("mug-0000", "bowl-0000"):
+        (orders / scene).write_text("raise", encoding="utf-8")
+    code, out, err = harness("bench", "--scenes", "1", "--workers", "1", "--out", tmp_path / "run")
+    assert code == 1
+    assert "2 scenes, 2 failed in" in out
+    assert "1/2 mug-0000 failed: RuntimeError: no such luck in mug-0000" in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["bench", "--scenes", "0"], "--scenes 0: should be greater than or equal to 1"),
+        (["bench", "--workers", "0"], "--workers 0: should be greater than or equal to 1"),
+        (["bench", "--seed", "-1"], "--seed -1: should be greater than or equal to 0"),
+        (["bench", "--quick", "--scenes", "3"], "--quick means --scenes 8; pass one of the two"),
+        (["bench", "--scenes", "many"], "'many' is not a whole number; pass one such as 8"),
+        (["bench", "--scens", "3"], "No such option: --scens"),
+        (["bench", "--config", "none.toml"], "cannot read the configuration none.toml: No such"),
+        (["show", "nowhere"], "nowhere holds no run; pass the folder that `harness bench` named"),
+        (["show"], "Missing argument 'RUN'"),
+        (["bnech"], "No such command 'bnech'"),
+    ],
+)
+def test_bad_input_gets_one_line(harness: Harness, arguments: list[str], message: str) -> None:
+    assert message in refused(harness, *arguments)
+
+
+def test_a_misspelt_key_gets_one_line(harness: Harness, tmp_path: Path) -> None:
+    path = tmp_path / "my.toml"
+    path.write_text("[run]\nscens = 3\n", encoding="utf-8")
+    assert refused(harness, "bench", "--config", path).startswith(
+        f"{path}: unknown key 'scens' in [run]; nearest is 'scenes'"
+    )
+
+
+def test_an_unwritable_folder_gets_one_line_before_any_scene(
+    harness: Harness, tmp_path: Path, orders: Path
+) -> None:
+    file = tmp_path / "file"
+    file.write_text("mine", encoding="utf-8")
+    message = refused(harness, "bench", "--out", file / "run")
+    assert message == (
+        f"cannot create a run in {file / 'run'}: Not a directory; pass a writable --out"
+    )
+    assert not (orders / "begun").exists()
+
+
+def test_objects_that_cannot_be_loaded_get_one_line(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def load(folder: Path | None) -> list[fake_scenes.FakeModel]:
+        raise InputError(f"{folder}/manifest.json is missing; list path and category of each mesh")
+
+    monkeypatch.setattr(cli, "wiring", replace(WIRING, load_objects=load))
+    assert refused(harness, "bench", "--objects", "meshes").endswith(
+        "meshes/manifest.json is missing; list path and category of each mesh"
+    )
+
+
+@pytest.mark.parametrize("version", [(3, 12, 0), (3, 13, 1), (4, 0, 0)])
+def test_a_python_without_pybullet_gets_one_line(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch, version: tuple[int, int, int]
+) -> None:
+    monkeypatch.setattr(sys, "version_info", version)
+    assert refused(harness, "bench") == (
+        f"Python {version[0]}.{version[1]} is too new: PyBullet has no wheel above 3.11; "
+        "make a virtual environment with python3.11 and install there"
+    )
+
+
+def test_ctrl_c_exits_with_130_and_says_how_to_go_on(tmp_path: Path, orders: Path) -> None:
+    (orders / "bowl-0000").write_text("once sleep", encoding="utf-8")
+    folder = tmp_path / "run"
+    process = subprocess.Popen(
+        [sys.executable, "-c", INTERRUPTED, str(folder)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    deadline = time.monotonic() + 30
+    while not list(folder.glob("scenes/mug-0000.json")) or (orders / "bowl-0000").exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    process.send_signal(2)
+    out, err = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert out == ""
+    assert err.splitlines()[-1] == (
+        "harness: interrupted: 1 of 2 scenes are kept; "
+        f"continue with `harness bench --out {folder}`"
+    )
+    assert "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], ["bench", "show"]),
+        (["bench"], ["--quick", "--objects", "harness bench --out", "Exit codes", "[run]"]),
+        (["show"], ["harness show results/RUN"]),
+    ],
+)
+def test_help_teaches(harness: Harness, arguments: list[str], words: list[str]) -> None:
+    code, out, _ = harness(*arguments, "--help")
+    assert code == 0
+    for word in words:
+        assert word in out
+
+
+def test_no_argument_is_a_call_for_help(harness: Harness) -> None:
+    assert harness() == harness("--help")
