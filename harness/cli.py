@@ -117,7 +117,9 @@ def bench(
     )
     console = _stdout()
     console.print(render_terminal(result.table, width=console.width))
-    failed = f", {len(result.failures)} failed" if result.failures else ""
+    failed = ""
+    if result.failures:
+        failed = f", {len(result.failures)} failed (tracebacks: {result.folder / 'logs'}),"
     console.print(
         f"{result.scenes} scenes{failed} in {result.seconds:.0f} s; written to {result.folder} "
         f"(records.parquet, table.md, table.csv, table.tex)",

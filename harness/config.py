@@ -219,8 +219,12 @@ def differing_keys(*, ours: Config, theirs: Config) -> list[str]:
 
 
 def _rust_pipeline_check(table_json: str) -> None:
-    from harness.native import check_pipeline_config
-
+    try:
+        from harness.native import check_pipeline_config
+    except ImportError as error:
+        raise InputError(
+            f"the compiled extension does not load ({error}); build it with `make setup`"
+        ) from error
     check_pipeline_config(table_json)
 
 

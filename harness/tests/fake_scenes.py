@@ -106,12 +106,12 @@ def begun(orders: Path) -> list[tuple[int, str]]:
 
 
 def is_alive(pid: int) -> bool:
-    """Whether a process exists, running or not collected."""
+    """Whether a process runs; one that ended may wait to be collected, where nobody does it."""
     try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
+        status = Path(f"/proc/{pid}/stat").read_text(encoding="ascii")
+    except FileNotFoundError:
         return False
-    return True
+    return status.rpartition(")")[2].split()[0] != "Z"
 
 
 def returns_nothing(job: SceneJob, config: Config) -> None:

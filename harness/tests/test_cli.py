@@ -81,7 +81,7 @@ def test_a_run_without_a_scored_scene_fails(harness: Harness, tmp_path: Path, or
         (orders / scene).write_text("raise", encoding="utf-8")
     code, out, err = harness("bench", "--scenes", "1", "--workers", "1", "--out", tmp_path / "run")
     assert code == 1
-    assert "2 scenes, 2 failed in" in out
+    assert f"2 scenes, 2 failed (tracebacks: {tmp_path / 'run' / 'logs'}), in " in out
     assert "1/2 mug-0000 failed: RuntimeError: no such luck in mug-0000" in err
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -138,6 +139,12 @@ def test_the_pipeline_table_goes_to_its_own_check(write: Writer) -> None:
     assert str(caught.value) == (
         f"{path}: [pipeline] unknown key gp.fit_point; did you mean gp.fit_points?"
     )
+
+
+def test_an_extension_that_is_not_built_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "harness.native", None)
+    with pytest.raises(InputError, match=r"extension does not load .*; build it with `make setup`"):
+        load_config(None)
 
 
 def test_a_relative_objects_folder_counts_from_the_file(write: Writer, tmp_path: Path) -> None:
