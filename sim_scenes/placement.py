@@ -1,0 +1,164 @@
+"""Where objects are dropped, and how they come to rest."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sim_scenes.geometry import Floats, apply, rigid
+from sim_scenes.rejected import Rejected
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sim_scenes.solid import Solid
+    from sim_scenes.world import Body, World
+
+# The target stands here: distance from the robot's base, and bearing from straight ahead.
+TARGET_RADIUS_M = (0.42, 0.58)
+TARGET_BEARING_RAD = (-0.45, 0.45)
+# Other objects stand within this ring, near the target.
+CROWD_RADIUS_M = (0.36, 0.68)
+CROWD_BEARING_RAD = 0.7
+CROWD_SPREAD_M = 0.24
+CROWD_GAP_M = (0.004, 0.04)
+CROWD_TRIES = 200
+
+DROP_HEIGHT_M = (0.01, 0.03)
+DROP_TILT_RAD = 0.03
+
+REST_SPEED_M_S = 2e-3
+REST_SPIN_RAD_S = 2e-2
+CHECK_STEPS = 6
+REST_CHECKS = 5
+LIMIT_CHECKS = 80  # 2 s of simulated time
+TOPPLED_RAD = math.radians(20)
+ROLLED_M = 0.05
+# Deeper contact between hulls than this would put one object inside another.
+OVERLAP_M = 1e-3
+
+
+def drop(
+    world: World, solids: Sequence[Solid], random: np.random.Generator
+) -> tuple[list[Body], list[Floats]]:
+    """Drop objects onto the table and let them settle.
+
+    Returns
+    -------
+    bodies
+        In the order of `solids`.
+    poses
+        `world_from_object` (4, 4) of each, at rest.
+
+    Raises
+    ------
+    Rejected
+        If there is no room, or an object topples, rolls away, or does not come to rest.
+    """
+    starts = [
+        _start(solid, position, random)
+        for solid, position in zip(solids, _positions(solids, random), strict=True)
+    ]
+    bodies = [
+        world.add(solid, world_from_object=start)
+        for solid, start in zip(solids, starts, strict=True)
+    ]
+    settle(world, bodies)
+    poses = [world.pose(body) for body in bodies]
+    for body, start, pose in zip(bodies, starts, poses, strict=True):
+        _check_at_rest(body.solid, start=start, pose=pose)
+    for first, second in itertools.combinations(bodies, 2):
+        if world.within(first.number, second.number, limit_m=-OVERLAP_M):
+            raise Rejected(f"{first.solid.name} and {second.solid.name} overlap")
+    return bodies, poses
+
+
+def settle(world: World, bodies: Sequence[Body]) -> None:
+    """Simulate until every object has been at rest for a while."""
+    calm = 0
+    for _ in range(LIMIT_CHECKS):
+        world.step(CHECK_STEPS)
+        calm = calm + 1 if all(_is_slow(world, body) for body in bodies) else 0
+        if calm == REST_CHECKS:
+            return
+    restless = [body.solid.name for body in bodies if not _is_slow(world, body)]
+    raise Rejected(f"{' and '.join(restless) or 'an object'} did not come to rest within 2 s")
+
+
+def _is_slow(world: World, body: Body) -> bool:
+    linear, angular = world.call("getBaseVelocity", body.number)
+    return math.hypot(*linear) < REST_SPEED_M_S and math.hypot(*angular) < REST_SPIN_RAD_S
+
+
+def _start(solid: Solid, position: Floats, random: np.random.Generator) -> Floats:
+    """Pose above the table: a random yaw, a slight tilt, the lowest point at the drop height."""
+    yaw = random.uniform(-math.pi, math.pi)
+    tilt = random.uniform(-DROP_TILT_RAD, DROP_TILT_RAD, size=2)
+    turn = _turn(2, yaw) @ _turn(0, tilt[0]) @ _turn(1, tilt[1])
+    middle = np.append(solid.bounds.mean(axis=0)[:2], 0.0)
+    lowest = float(apply(rigid(rotation=turn, translation=np.zeros(3)), solid.hull)[:, 2].min())
+    translation = np.append(position, random.uniform(*DROP_HEIGHT_M) - lowest)
+    translation[:2] -= (turn @ middle)[:2]
+    return rigid(rotation=turn, translation=translation)
+
+
+def _turn(axis: int, angle_rad: float) -> Floats:
+    turn = np.eye(3)
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    turn[i, i] = turn[j, j] = math.cos(angle_rad)
+    turn[j, i] = math.sin(angle_rad)
+    turn[i, j] = -turn[j, i]
+    return turn
+
+
+def _positions(solids: Sequence[Solid], random: np.random.Generator) -> list[Floats]:
+    """Places (2,) on the table, whose objects' footprints stand clear of each other."""
+    radii = [_footprint(solid) for solid in solids]
+    places = [_polar(random.uniform(*TARGET_RADIUS_M), random.uniform(*TARGET_BEARING_RAD))]
+    for index in range(1, len(solids)):
+        for _ in range(CROWD_TRIES):
+            anchor = int(random.integers(index))
+            reach = radii[index] + radii[anchor] + random.uniform(*CROWD_GAP_M)
+            place = places[anchor] + _polar(reach, random.uniform(-math.pi, math.pi))
+            if _fits(place, radii[index], places, radii):
+                places.append(place)
+                break
+        else:
+            raise Rejected(f"no room for {solids[index].name}")
+    return places
+
+
+def _polar(radius_m: float, bearing_rad: float) -> Floats:
+    return radius_m * np.array([math.cos(bearing_rad), math.sin(bearing_rad)])
+
+
+def _footprint(solid: Solid) -> float:
+    """Radius of the circle about the box's middle that holds the object, seen from above."""
+    offsets = solid.hull[:, :2] - solid.bounds.mean(axis=0)[:2]
+    return float(np.hypot(*offsets.T).max())
+
+
+def _fits(place: Floats, radius_m: float, places: list[Floats], radii: list[float]) -> bool:
+    from_base = float(np.hypot(*place))
+    if not CROWD_RADIUS_M[0] <= from_base <= CROWD_RADIUS_M[1]:
+        return False
+    if abs(math.atan2(place[1], place[0])) > CROWD_BEARING_RAD:
+        return False
+    if float(np.hypot(*(place - places[0]))) > CROWD_SPREAD_M + radii[0]:
+        return False
+    return all(
+        float(np.hypot(*(place - other))) >= radius_m + radius + CROWD_GAP_M[0]
+        for other, radius in zip(places, radii, strict=False)
+    )
+
+
+def _check_at_rest(solid: Solid, *, start: Floats, pose: Floats) -> None:
+    if math.acos(min(1.0, pose[2, 2])) > TOPPLED_RAD:
+        raise Rejected(f"{solid.name} toppled")
+    middle = solid.bounds.mean(axis=0)[None]
+    moved = apply(pose, middle)[0] - apply(start, middle)[0]
+    if math.hypot(*moved[:2]) > ROLLED_M:
+        raise Rejected(f"{solid.name} rolled away")
