@@ -11,7 +11,7 @@ from harness.config import Config, Override, PipelineCheck, load_config
 from harness.errors import InputError
 from harness.runs.atomic import DiskError
 from harness.runs.directory import CONFIG, RunDirectory, default_folder, open_run
-from harness.runs.job import ObjectModel, SceneJob, plan_jobs
+from harness.runs.job import ObjectModel, SceneJob, object_identity, plan_jobs
 from harness.runs.manifest import core_count
 from harness.runs.pool import SceneDone, SceneFailed, ScenePool, WorkerDied
 from harness.runs.progress import Progress, SilentProgress
@@ -66,13 +66,21 @@ class BenchOptions:
 
 
 def load_objects(folder: Path | None) -> Sequence[ObjectModel]:
-    """Load the object models of a folder, or of the set that comes with the project."""
+    """Load the object models of a folder, or of the set that comes with the project.
+
+    Raises
+    ------
+    InputError
+        A manifest or any of its meshes cannot be used, so that no scene fails by it hours later.
+    """
     from sim_scenes import load_object_set
 
     try:
-        return load_object_set(folder).models
+        objects = load_object_set(folder)
+        objects.check_meshes()
     except (ValueError, OSError) as error:
         raise InputError(" ".join(str(error).split())) from error
+    return objects.models
 
 
 @dataclass(frozen=True)
@@ -159,7 +167,7 @@ def run_bench(
     run = open_run(
         options.out or default_folder(config),
         config=config,
-        objects=[f"{model.category}/{model.name}" for model in models],
+        objects=[object_identity(model) for model in models],
     )
     with run.session() as notes:
         finished, damaged = run.finished(jobs)

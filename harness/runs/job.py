@@ -11,6 +11,7 @@ from harness.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
     from harness.config import Config
 
@@ -26,6 +27,11 @@ class ObjectModel(Protocol):
     @property
     def category(self) -> str:
         """One of the six of NOCS."""
+        ...
+
+    @property
+    def path(self) -> Path:
+        """Mesh file."""
         ...
 
 
@@ -52,6 +58,12 @@ class SceneJob:
     object_name: str
     seed: int
     cluttered: bool = False
+
+
+def object_identity(model: ObjectModel) -> str:
+    """Name an object by its class, its name and the content of its file."""
+    digest = hashlib.sha256(model.path.read_bytes()).hexdigest()
+    return f"{model.category}/{model.name} sha256:{digest}"
 
 
 def scene_seed(*, run_seed: int, category: str, index: int) -> int:

@@ -30,6 +30,7 @@ VARIANTS_FUNCTION = f"{__name__}:variants"
 class FakeModel:
     name: str
     category: str
+    path: Path = Path(__file__)
 
 
 MODELS = [FakeModel(f"{category}_{i}", category) for category in ("mug", "bowl") for i in range(3)]

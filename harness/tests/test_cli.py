@@ -13,13 +13,12 @@ from typing import TYPE_CHECKING
 import pytest
 
 from harness import cli
-from harness.errors import InputError
+from harness.bench import load_objects
 from harness.tests.fake_wiring import WIRING
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from harness.tests import fake_scenes
 
 INTERRUPTED = """
 import sys
@@ -124,16 +123,15 @@ def test_an_unwritable_folder_gets_one_line_before_any_scene(
     assert not (orders / "begun").exists()
 
 
-def test_objects_that_cannot_be_loaded_get_one_line(
-    harness: Harness, monkeypatch: pytest.MonkeyPatch
+def test_a_mesh_that_cannot_be_used_gets_one_line_before_any_scene(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    def load(folder: Path | None) -> list[fake_scenes.FakeModel]:
-        raise InputError(f"{folder}/manifest.json is missing; list path and category of each mesh")
-
-    monkeypatch.setattr(cli, "wiring", replace(WIRING, load_objects=load))
-    assert refused(harness, "bench", "--objects", "meshes").endswith(
-        "meshes/manifest.json is missing; list path and category of each mesh"
-    )
+    monkeypatch.setattr(cli, "wiring", replace(WIRING, load_objects=load_objects))
+    assert f"{tmp_path}: no manifest.json" in refused(harness, "bench", "--objects", tmp_path)
+    (tmp_path / "manifest.json").write_text('[{"path": "a.obj", "category": "mug"}]', "utf-8")
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 2 0 0\nv 0 1 0\nf 1 2 3\n", encoding="utf-8")
+    message = refused(harness, "bench", "--objects", tmp_path)
+    assert message.startswith(f"{tmp_path / 'a.obj'}: 2 m large, over 1 m; scale it to metres")
 
 
 @pytest.mark.parametrize("version", [(3, 12, 0), (3, 13, 1), (4, 0, 0)])

@@ -27,6 +27,7 @@ from harness.bench import (
 from harness.errors import InputError
 from harness.runs.atomic import DiskError
 from harness.runs.directory import default_folder
+from harness.runs.job import object_identity
 from harness.runs.manifest import UNKNOWN, git_state
 from harness.runs.progress import Progress, SilentProgress
 from harness.runs.records import SCHEMA_VERSION, read_records, read_timings
@@ -108,7 +109,7 @@ def test_the_manifest_says_where_the_numbers_come_from(folder: Path) -> None:
     assert manifest["schema_version"] == SCHEMA_VERSION
     assert manifest["seed"] == 0
     assert manifest["config"]["run"]["scenes"] == SCENES
-    assert manifest["objects"] == sorted(f"{m.category}/{m.name}" for m in fake_scenes.MODELS)
+    assert manifest["objects"] == sorted(map(object_identity, fake_scenes.MODELS))
     (session,) = manifest["sessions"]
     assert set(session) == {"started", "git", "python", "packages", "machine"}
     assert session["packages"]["polars"]
@@ -254,6 +255,14 @@ def test_another_configuration_is_refused_with_the_keys_that_differ(folder: Path
         f"{folder} holds a run of another configuration: run.scenes (2 there, 3 asked); "
         "run.seed (0 there, 5 asked); pass another --out, or --out alone to continue it as it was"
     )
+
+
+def test_a_mesh_that_was_changed_is_another_object(folder: Path, tmp_path: Path) -> None:
+    mesh = tmp_path / "mug.obj"
+    mesh.write_text("v 0 0 0", encoding="utf-8")
+    models = [replace(fake_scenes.MODELS[0], path=mesh), *fake_scenes.MODELS[1:]]
+    with pytest.raises(InputError, match=r"begun with other objects .*mug/mug_0 sha256:"):
+        bench(folder, wiring=replace(WIRING, load_objects=lambda _: models))
 
 
 def test_other_objects_and_other_schemas_are_refused(folder: Path) -> None:
