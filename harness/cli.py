@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path  # noqa: TC003 - typer reads annotations at run time
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -52,9 +52,9 @@ def _whole_number(text: str) -> int:
         raise typer.BadParameter(f"'{text}' is not a whole number; pass one such as 8") from None
 
 
-def _number(help_text: str) -> Any:
+def _number(help_text: str, *names: str) -> Any:
     """Option for a whole number, which names the value that is none."""
-    return typer.Option(parser=_whole_number, metavar="N", help=help_text)
+    return typer.Option(*names, parser=_whole_number, metavar="N", help=help_text)
 
 
 @app.command(
@@ -141,6 +141,42 @@ def show(
     return EXIT_OK
 
 
+@app.command(
+    epilog=(
+        "[bold]Examples[/bold]\n\n"
+        "Meshes to train on:  [cyan]harness assets --out meshes --count 200[/cyan]\n\n"
+        "The benchmark set again:  [cyan]harness assets --out assets --benchmark[/cyan]"
+    )
+)
+def assets(
+    *,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder to write.")],
+    split: Annotated[
+        Literal["train", "validation", "test"],
+        typer.Option(help="Splits never share a parameter draw."),
+    ] = "train",
+    seed: Annotated[int, _number("Same seed: same files, byte for byte.")] = 0,
+    count: Annotated[
+        int, _number("Meshes of each of the six categories.", "--count", "--per-category")
+    ] = 10,
+    benchmark: Annotated[
+        bool,
+        typer.Option("--benchmark", help="The benchmark set instead: its split, seed and counts."),
+    ] = False,
+) -> int:
+    """Generate watertight meshes in metres, with a manifest that `bench --objects` reads."""
+    from harness.assets import generate_assets
+
+    try:
+        records = generate_assets(
+            out, split=split, seed=seed, per_category=count, benchmark=benchmark
+        )
+    except (ValueError, OSError) as error:
+        raise InputError(str(error)) from error
+    _stdout().print(f"{len(records)} meshes in {out}", highlight=False, markup=False)
+    return EXIT_OK
+
+
 def check_python(version: tuple[int, int]) -> None:
     """Refuse a Python for which the simulator has no build.
 
@@ -161,7 +197,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         check_python(sys.version_info[:2])
         given = sys.argv[1:] if arguments is None else list(arguments)
-        code = app(given or ["--help"], standalone_mode=False)
+        code = app(given or ["--help"], prog_name="harness", standalone_mode=False)
     except InputError as error:
         return _fail(str(error), EXIT_BAD_INPUT)
     except typer.TyperException as error:

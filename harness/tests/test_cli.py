@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 import pytest
@@ -134,6 +135,46 @@ def test_a_mesh_that_cannot_be_used_gets_one_line_before_any_scene(
     assert message.startswith(f"{tmp_path / 'a.obj'}: 2 m large, over 1 m; scale it to metres")
 
 
+@pytest.fixture
+def generated(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Path, dict[str, object]]]:
+    """Calls of the asset generator, which a fake one notes."""
+    calls = []
+
+    def generate_assets(out: Path, **settings: object) -> list[str]:
+        calls.append((out, settings))
+        if settings["seed"] == 13:
+            raise ValueError("no mug can be made of seed 13; pass another --seed")
+        return ["a", "b"]
+
+    module = ModuleType("harness.assets")
+    monkeypatch.setattr(module, "generate_assets", generate_assets, raising=False)
+    monkeypatch.setitem(sys.modules, "harness.assets", module)
+    return calls
+
+
+def test_assets_passes_its_options_on(
+    harness: Harness, generated: list[tuple[Path, dict[str, object]]], tmp_path: Path
+) -> None:
+    code, out, _ = harness("assets", "--out", tmp_path, "--split", "test", "--count", 3)
+    assert (code, out) == (0, f"2 meshes in {tmp_path}\n")
+    harness("assets", "--out", tmp_path, "--seed", 5, "--per-category", 4, "--benchmark")
+    assert generated == [
+        (tmp_path, {"split": "test", "seed": 0, "per_category": 3, "benchmark": False}),
+        (tmp_path, {"split": "train", "seed": 5, "per_category": 4, "benchmark": True}),
+    ]
+
+
+def test_assets_that_cannot_be_made_get_one_line(
+    harness: Harness, generated: list[tuple[Path, dict[str, object]]], tmp_path: Path
+) -> None:
+    assert refused(harness, "assets", "--out", tmp_path, "--seed", 13) == (
+        "no mug can be made of seed 13; pass another --seed"
+    )
+    assert "'exam'" in refused(harness, "assets", "--out", tmp_path, "--split", "exam")
+    assert "'--out'" in refused(harness, "assets")
+    assert len(generated) == 1
+
+
 @pytest.mark.parametrize("version", [(3, 12, 0), (3, 13, 1), (4, 0, 0)])
 def test_a_python_without_pybullet_gets_one_line(
     harness: Harness, monkeypatch: pytest.MonkeyPatch, version: tuple[int, int, int]
@@ -175,6 +216,7 @@ def test_ctrl_c_exits_with_130_and_says_how_to_go_on(tmp_path: Path, orders: Pat
         ([], ["bench", "show"]),
         (["bench"], ["--quick", "--objects", "harness bench --out", "Exit codes", "[run]"]),
         (["show"], ["harness show results/RUN"]),
+        (["assets"], ["--benchmark", "--split", "harness assets --out"]),
     ],
 )
 def test_help_teaches(harness: Harness, arguments: list[str], words: list[str]) -> None:
