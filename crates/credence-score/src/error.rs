@@ -51,10 +51,10 @@ pub enum ScoreError {
         expected: usize,
     },
     /// No observed point to be near to.
-    #[error("observed_world holds no point; pass the points that the sensor saw")]
+    #[error("observed holds no point; pass the points that the sensor saw")]
     NoObservation,
     /// Observed points that cannot be indexed.
-    #[error("observed_world cannot be indexed ({why}); pass fewer points")]
+    #[error("observed cannot be indexed ({why}); pass fewer points")]
     ObservationIndex {
         /// The index's own words.
         why: String,

@@ -13,11 +13,11 @@ use crate::{ScoreError, truth::finite_points};
 /// No observed point, a point that is not finite or beyond
 /// [`MAX_COORDINATE_M`](crate::MAX_COORDINATE_M).
 pub fn nearest_observation(
-    points_world: &[Point],
-    observed_world: &[Point],
+    points: &[Point],
+    observed: &[Point],
 ) -> Result<Vec<f64>, ScoreError> {
-    let points = finite_points("points_world", points_world)?;
-    let observed: Vec<[f64; 3]> = finite_points("observed_world", observed_world)?
+    let points = finite_points("points", points)?;
+    let observed: Vec<[f64; 3]> = finite_points("observed", observed)?
         .into_iter()
         .map(|point| point.to_array())
         .collect();
@@ -64,10 +64,10 @@ mod tests {
                 .unwrap_err()
                 .to_string()
         };
-        assert!(message(&[point], &[]).contains("observed_world holds no point"));
+        assert!(message(&[point], &[]).contains("observed holds no point"));
         let nan = Point::new(0.0, f64::NAN, 0.0);
-        assert!(message(&[point, nan], &[point]).contains("points_world[1]"));
-        assert!(message(&[point], &[nan]).contains("observed_world[0]"));
+        assert!(message(&[point, nan], &[point]).contains("points[1]"));
+        assert!(message(&[point], &[nan]).contains("observed[0]"));
     }
 
     proptest! {
