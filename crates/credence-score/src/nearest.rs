@@ -12,10 +12,7 @@ use crate::{ScoreError, truth::finite_points};
 /// # Errors
 /// No observed point, a point that is not finite or beyond
 /// [`MAX_COORDINATE_M`](crate::MAX_COORDINATE_M).
-pub fn nearest_observation(
-    points: &[Point],
-    observed: &[Point],
-) -> Result<Vec<f64>, ScoreError> {
+pub fn nearest_observation(points: &[Point], observed: &[Point]) -> Result<Vec<f64>, ScoreError> {
     let points = finite_points("points", points)?;
     let observed: Vec<[f64; 3]> = finite_points("observed", observed)?
         .into_iter()
