@@ -18,8 +18,8 @@ use crate::{ScoreError, error::same_length};
 /// lose the precision that the scores need.
 pub const MAX_COORDINATE_M: f64 = 1e6;
 
-/// Height over longest edge below which a face counts as having no area: its normal would be
-/// rounding noise, and it lies within 1e-8 of its longest edge of that edge.
+/// Height over longest edge below which a face counts as a line without area: its normal would be
+/// rounding noise, and on an object of 0.1 m it is thinner than a nanometre.
 const DEGENERATE_RATIO: f64 = 1e-8;
 
 /// Points that a thread takes at a time.

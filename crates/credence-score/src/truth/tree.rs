@@ -18,7 +18,7 @@ const MAX_DEPTH: usize = 32;
 ///
 /// parry's own tree of axis-aligned boxes was tried first. On bumpy tori and queries up to 3 cm
 /// away its cost per query grows 15-fold from 500 to 128,000 faces (as sqrt(faces)), this one's
-/// 4.5-fold; they break even at about 8,000 faces.
+/// 4-fold; they break even at about 8,000 faces.
 #[derive(Debug)]
 pub(super) struct FaceTree {
     nodes: Vec<[Child; 2]>,
