@@ -17,7 +17,7 @@ from sim_scenes.objects.part import Floats, strips
 from sim_scenes.objects.primitives import revolved
 
 if TYPE_CHECKING:
-    import manifold3d
+    import manifold3d  # type: ignore[import-not-found]
     import trimesh
 
     from sim_scenes.objects.loft import Ring
@@ -29,7 +29,9 @@ INTO_CLOSURE_M = 0.003
 PETALS = 5
 # The lobes of a petaloid base fade out at this share of the body's radius above the base.
 PETAL_RISE = 0.8
-GROOVE_RADIUS_M = 0.004
+GROOVE_RADIUS_M = 0.003
+# Greatest height over the lesser width: beyond it a bottle falls over at a touch.
+MOST_SLENDER = 4.2
 
 
 class Kind(StrEnum):
@@ -48,7 +50,7 @@ class _Family:
     """Ranges of one kind: lengths in metres, `slender` the height over the width.
 
     The other spans are those of the fields of `BottleParams`, `span` that of `neck - shoulder`.
-    `features` are the chances of an oval outline, a square outline, grooves, petals and a punt.
+    `features` are the chances of an oval outline, a square one, grooves, petals and a deep punt.
     """
 
     width: Span
@@ -68,8 +70,8 @@ FAMILIES = {
         width=(0.060, 0.086),
         slender=(2.6, 3.6),
         neck_radius=(0.0125, 0.0140),
-        shoulder=(0.62, 0.76),
-        span=(0.16, 0.24),
+        shoulder=(0.66, 0.80),
+        span=(0.14, 0.26),
         fullness=(0.35, 0.75),
         taper=(-0.02, 0.06),
         waist=(-0.01, 0.10),
@@ -104,8 +106,8 @@ FAMILIES = {
         width=(0.056, 0.070),
         slender=(3.2, 4.0),
         neck_radius=(0.0118, 0.0130),
-        shoulder=(0.42, 0.62),
-        span=(0.16, 0.32),
+        shoulder=(0.46, 0.64),
+        span=(0.18, 0.36),
         fullness=(0.35, 0.7),
         taper=(-0.02, 0.02),
         waist=(0.0, 0.0),
@@ -143,11 +145,13 @@ FAMILIES = {
 class BottleParams:
     """Shape of a bottle: lengths in metres, the rest are ratios.
 
-    `height_m` includes the closure. The shoulder starts at `shoulder` and ends at `neck`, both shares
-    of the height below the closure; `fullness` bulges it from a cone (0) to a dome (1), `settle` is
-    how far it runs out along the neck. `taper` narrows the body towards its base (towards its
-    shoulder below 0), `waist` pinches it at `waist_at`. Its outline is a superellipse of `exponent`
-    (2 round, more is squarer) whose y extent is `aspect` of its width.
+    `height_m` includes the closure. The shoulder starts at `shoulder` and ends at `neck`, both
+    shares of the height below the closure; `fullness` bulges it from a cone (0) to a dome (1),
+    `settle` is how far it runs out along the neck. `taper` narrows the body towards its base
+    (towards its shoulder below 0), `waist` pinches it at `waist_at`. Its outline is a superellipse
+    of `exponent` (2 round, more is squarer) whose y extent is `aspect` of its width; `petal_depth`
+    is the share of the radius cut in between the feet of a petaloid base. The base is hollow to the
+    height `punt_m`, so that the bottle stands on a ring.
     """
 
     kind: Kind
@@ -177,8 +181,9 @@ class BottleParams:
         family = FAMILIES[kind]
         oval, square, grooves, petals, punt = (chance(rng, p) for p in family.features)
         width = uniform(rng, *family.width)
-        height = min(max(width * uniform(rng, *family.slender), 0.125), 0.296)
         aspect = uniform(rng, 0.55, 0.85) if oval else 1.0
+        height = min(width * uniform(rng, *family.slender), MOST_SLENDER * width * aspect)
+        height = min(max(height, 0.125), 0.296)
         neck_radius = uniform(rng, *family.neck_radius)
         shoulder = uniform(rng, *family.shoulder)
         return cls(
@@ -195,11 +200,11 @@ class BottleParams:
             waist=uniform(rng, *family.waist),
             waist_at=uniform(rng, 0.4, 0.65),
             neck_radius_m=neck_radius,
-            base_edge_m=uniform(rng, 0.003, 0.009),
-            grooves=integer(rng, 2, 5) if grooves else 0,
-            groove_depth_m=uniform(rng, 0.0008, 0.002),
+            base_edge_m=uniform(rng, 0.0025, 0.1 * width * aspect),
+            grooves=integer(rng, 2, 4) if grooves else 0,
+            groove_depth_m=uniform(rng, 0.0008, 0.0017),
             petal_depth=uniform(rng, 0.12, 0.3) if petals and not square else 0.0,
-            punt_m=uniform(rng, 0.008, 0.03) if punt else 0.0,
+            punt_m=uniform(rng, 0.008, 0.03) if punt else uniform(rng, 0.0008, 0.0025),
             closure=ClosureParams.draw(
                 rng,
                 kind=choose(rng, family.closures),
@@ -223,7 +228,7 @@ class BottleParams:
         return np.column_stack([radius, self.shoulder * self.body_height_m * s])
 
     def strength(self, z: float) -> float:
-        """How far the outline is from a circle: the body's own below the shoulder, 0 at the neck."""
+        """How much of its own outline the body has: all below the shoulder, none at the neck."""
         share = z / self.body_height_m
         s = min(max((self.neck - share) / (self.neck - self.shoulder), 0.0), 1.0)
         return s * s * (3.0 - 2.0 * s)
@@ -283,9 +288,7 @@ def _body(params: BottleParams) -> manifold3d.CrossSection:
             z0_m=params.body_height_m - 0.003,
             z1_m=params.body_height_m - 0.0015,
         )
-    if params.punt_m:
-        body -= _punt(params, float(side[0, 0]))
-    return body
+    return body - _punt(params, float(side[0, 0]))
 
 
 def _groove_heights(params: BottleParams, start_m: float) -> list[float]:

@@ -17,7 +17,6 @@ from sim_scenes.objects.part import Part, Rect, strips, union
 from sim_scenes.objects.primitives import Z_TO_FRONT, disc, slab
 
 if TYPE_CHECKING:
-    import manifold3d
     import trimesh
 
 Span: TypeAlias = tuple[float, float]
@@ -28,8 +27,11 @@ Z_TO_BACK = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # z 
 SUNK_M = 0.004
 # The lens stays this far above the table.
 CLEARANCE_M = 0.003
-# The centre of mass stays within this share of the body's half depth, in front of its middle.
-BALANCE = 0.72
+# The centre of mass stays within this share of the base's half depth, in front of its middle.
+BALANCE = 0.6
+# Depth of the whole, and how far an eyepiece stands out.
+LONGEST_M = 0.139
+EYEPIECE_M = (0.003, 0.008)
 
 
 class Kind(StrEnum):
@@ -55,6 +57,7 @@ class _Family:
     edge: Span
     lens_radius: Span
     lens_length: Span
+    grip: Span
     features: tuple[float, float, float, float, float]
 
 
@@ -64,9 +67,10 @@ FAMILIES = {
         height=(0.060, 0.068),
         depth=(0.025, 0.036),
         corner=(0.35, 0.98),
-        edge=(0.002, 0.007),
+        edge=(0.002, 0.005),
         lens_radius=(0.62, 0.85),
         lens_length=(0.006, 0.030),
+        grip=(0.006, 0.009),
         features=(0.35, 0.0, 0.35, 0.35, 0.0),
     ),
     Kind.RANGEFINDER: _Family(
@@ -77,6 +81,7 @@ FAMILIES = {
         edge=(0.0015, 0.004),
         lens_radius=(0.68, 0.92),
         lens_length=(0.018, 0.055),
+        grip=(0.006, 0.010),
         features=(0.4, 0.0, 0.3, 0.9, 0.6),
     ),
     Kind.REFLEX: _Family(
@@ -87,6 +92,7 @@ FAMILIES = {
         edge=(0.003, 0.007),
         lens_radius=(0.78, 0.98),
         lens_length=(0.030, 0.095),
+        grip=(0.007, 0.018),
         features=(1.0, 1.0, 0.0, 0.85, 1.0),
     ),
     Kind.INSTANT: _Family(
@@ -97,6 +103,7 @@ FAMILIES = {
         edge=(0.005, 0.010),
         lens_radius=(0.50, 0.68),
         lens_length=(0.008, 0.026),
+        grip=(0.0, 0.0),
         features=(0.0, 0.0, 1.0, 0.0, 0.5),
     ),
 }
@@ -145,7 +152,11 @@ class CameraParams:
         lens_z = height * uniform(rng, 0.46, 0.54)
         radius = (min(lens_z, height - lens_z) - CLEARANCE_M) * uniform(rng, *family.lens_radius)
         length = uniform(rng, *family.lens_length)
-        longest = balanced_length(width * height * depth, depth, radius)
+        edge = uniform(rng, *family.edge)
+        longest = balanced_length(
+            body_m3=width * height * depth, depth_m=depth, edge_m=edge, radius_m=radius
+        )
+        room = LONGEST_M - depth - EYEPIECE_M[1]
         count = 2 + int(length / 0.022)
         steps = [uniform(rng, 0.86, 1.0) for _ in range(count)]
         return cls(
@@ -154,12 +165,12 @@ class CameraParams:
             height_m=height,
             depth_m=depth,
             corner_m=0.5 * depth * uniform(rng, *family.corner),
-            edge_m=uniform(rng, *family.edge),
+            edge_m=edge,
             lens_x_m=width
             * (uniform(rng, -0.04, 0.1) if kind is Kind.COMPACT else uniform(rng, -0.02, 0.05)),
             lens_z_m=lens_z,
             lens_radius_m=radius,
-            lens_length_m=min(length, longest),
+            lens_length_m=min(length, longest, room),
             rings=tuple(step / max(steps) for step in steps),
             grip_m=uniform(rng, 0.006, 0.009 if kind is not Kind.REFLEX else 0.018)
             if grip
@@ -169,20 +180,20 @@ class CameraParams:
             hump_width_m=uniform(rng, 0.040, 0.056),
             flash=flash,
             dial_m=uniform(rng, 0.0075, 0.0105) if dial else 0.0,
-            eyepiece_m=uniform(rng, 0.003, 0.008) if eyepiece else 0.0,
+            eyepiece_m=uniform(rng, *EYEPIECE_M) if eyepiece else 0.0,
         )
 
 
-def balanced_length(body_m3: float, depth_m: float, radius_m: float) -> float:
+def balanced_length(*, body_m3: float, depth_m: float, edge_m: float, radius_m: float) -> float:
     """Longest lens (metres) with which a camera of uniform density does not tip over.
 
-    With a = pi r^2, d the depth and k `BALANCE`, the centre of mass is k d / 2 before the middle where
-    a L (d + L) / 2 = k (d / 2) (V + a L).
+    With a = pi r^2, d the depth and s the allowed offset, `BALANCE` (d / 2 - edge), the centre of
+    mass is s before the middle where a L (d + L) / 2 = s (V + a L).
     """
     area = np.pi * radius_m**2
-    linear = depth_m * (1.0 - BALANCE)
-    constant = BALANCE * depth_m * body_m3 / area
-    return float(0.5 * (np.sqrt(linear**2 + 4.0 * constant) - linear))
+    offset = BALANCE * (0.5 * depth_m - edge_m)
+    linear = 0.5 * depth_m - offset
+    return float(np.sqrt(linear**2 + 2.0 * offset * body_m3 / area) - linear)
 
 
 def generate(rng: np.random.Generator) -> trimesh.Trimesh:
@@ -193,30 +204,25 @@ def generate(rng: np.random.Generator) -> trimesh.Trimesh:
 def build(params: CameraParams) -> trimesh.Trimesh:
     """Build the camera that the parameters describe."""
     body, lens, trim = strips(0.55, 0.25, 0.2)
-    parts = [
-        slab(
-            half_x_m=0.5 * params.width_m,
-            half_y_m=0.5 * params.depth_m,
-            height_m=params.height_m,
-            corner_m=max(params.corner_m, params.edge_m + 0.0005),
-            edge_m=params.edge_m,
-            rect=body,
-        ),
-        _lens(params, lens),
-        _screen(params, trim),
-        *_top(params, trim),
-    ]
+    case = slab(
+        half_x_m=0.5 * params.width_m,
+        half_y_m=0.5 * params.depth_m,
+        height_m=params.height_m,
+        corner_m=max(params.corner_m, params.edge_m + 0.0005),
+        edge_m=params.edge_m,
+        rect=body,
+    ).solid()
+    # Windows are cut first: the lens may stand before one.
+    for window in _windows(params, trim):
+        case -= window.solid()
+    parts = [_lens(params, lens), _screen(params, trim), *_top(params, trim)]
     if params.grip_m:
         parts.append(_grip(params, body))
     if params.hump_m:
         parts += _hump(params, trim)
     elif params.eyepiece_m:
         parts.append(_eyepiece(params, trim))
-    solid = union(parts)
-    if not params.hump_m:
-        for window in _windows(params, trim):
-            solid -= window.solid()
-    return finish(solid)
+    return finish(case + union(parts))
 
 
 def _lens(params: CameraParams, rect: Rect) -> Part:
@@ -234,10 +240,9 @@ def _lens(params: CameraParams, rect: Rect) -> Part:
     last = 0.9 * radius if params.rings[-1] < 0.9 else params.rings[-1] * radius
     sunk = min(0.006, 0.5 * length)
     glass = 0.74 * last
+    mouth, rim = 0.9 * last, length - 0.001
     front = section.section_from_curve(
-        np.array(
-            [[glass, length - sunk], [0.9 * last, length - 0.001], [0.9 * last, length + 0.01]]
-        )
+        np.array([[glass, length - sunk], [mouth, rim], [mouth, length + 0.01]])
     )
     # The front element: a cap of a sphere whose rim lies on the bottom of the cone.
     angle = np.linspace(0.45, 0.0, 10)
@@ -388,6 +393,8 @@ def _eyepiece(params: CameraParams, rect: Rect) -> Part:
 
 def _windows(params: CameraParams, rect: Rect) -> list[Part]:
     """Cutters of the windows in the front: the viewfinder's, and the flash's where there is one."""
+    if params.hump_m:
+        return []
     depth = 0.0015
     clear = params.corner_m + 0.004
     half_z = min(0.0055, 0.08 * params.height_m)

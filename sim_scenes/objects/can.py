@@ -16,7 +16,7 @@ from sim_scenes.objects.part import Floats, strips
 from sim_scenes.objects.primitives import disc, revolved, slab
 
 if TYPE_CHECKING:
-    import manifold3d
+    import manifold3d  # type: ignore[import-not-found]
     import trimesh
 
     from sim_scenes.objects.loft import Ring
@@ -46,8 +46,8 @@ class Tab(StrEnum):
     NONE = "none"
 
 
-# Drink cans (diameter, height, lid diameter), metres: 25 cl slim, 33 cl sleek, 33 cl, 35.5 cl, 44 cl,
-# 50 cl.
+# Drink cans (diameter, height, lid diameter), metres: 25 cl slim, 33 cl sleek, 33 cl, 35.5 cl,
+# 44 cl, 50 cl.
 DRINK_SIZES = {
     (0.0530, 0.1340, 0.0500): 2.0,
     (0.0575, 0.1565, 0.0500): 1.5,
@@ -62,11 +62,12 @@ DRINK_SIZES = {
 class CanParams:
     """Shape of a can: lengths in metres, the rest are ratios.
 
-    `aspect` is the y extent over the x extent, and `corner` the radius of the outline's corners over
-    half the lesser extent (1 is a circle or a stadium). `lid_radius_m` is the rim's radius at the top
-    and `foot_radius_m` that of the ring it stands on, both along the lesser extent; `neck_m` and
-    `foot_m` are the heights over which the side narrows to them. `dome_m` is the hollow under the
-    base, `lid_m` the depth of the lid below its rim.
+    `aspect` is the y extent over the x extent, and `corner` the radius of the outline's corners
+    over half the lesser extent (1 is a circle or a stadium). `lid_radius_m` is the rim's radius at
+    the top and `foot_radius_m` that of the ring it stands on, both along the lesser extent;
+    `neck_m` and `foot_m` are the heights over which the side narrows to them. `rim_m` is the rim's
+    thickness and `seam_m` how far it stands out, `dome_m` the hollow under the base, `lid_m` the
+    depth of the lid below its rim, `bead_m` that of the corrugation.
     """
 
     kind: Kind
@@ -173,8 +174,8 @@ def _tin(rng: np.random.Generator, kind: Kind) -> CanParams:
         seam_m=seam,
         lid_m=uniform(rng, 0.0025, 0.0045),
         dome_m=uniform(rng, 0.0015, 0.003),
-        beads=integer(rng, 3, 12) if beaded else 0,
-        bead_m=uniform(rng, 0.0007, 0.0014),
+        beads=integer(rng, 3, 9) if beaded else 0,
+        bead_m=uniform(rng, 0.0007, 0.0012),
         tab=Tab.RING if chance(rng, 0.55) else Tab.NONE,
     )
 

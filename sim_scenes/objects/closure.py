@@ -17,7 +17,7 @@ from sim_scenes.objects.primitives import revolved
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import manifold3d
+    import manifold3d  # type: ignore[import-not-found]
 
     from sim_scenes.objects.part import Part, Rect
 
