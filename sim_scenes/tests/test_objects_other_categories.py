@@ -10,6 +10,7 @@ import trimesh
 from sim_scenes.objects.camera import BALANCE, balanced_length
 from sim_scenes.objects.draws import Split, stream
 from sim_scenes.objects.finish import position_merged
+from sim_scenes.objects.part import Floats
 
 DRAWS = 8
 # Extents along x, y, z in metres: least and greatest.
@@ -32,6 +33,12 @@ def draw(category: str, index: int) -> trimesh.Trimesh:
     mesh = module.generate(rng)
     assert isinstance(mesh, trimesh.Trimesh)
     return mesh
+
+
+def texture_of(mesh: trimesh.Trimesh) -> Floats:
+    assert isinstance(mesh.visual, trimesh.visual.TextureVisuals)
+    uv: Floats = np.asarray(mesh.visual.uv)
+    return uv
 
 
 mesh_of = functools.cache(draw)
@@ -66,7 +73,7 @@ def test_a_mesh_stands_on_its_base_about_the_origin(category: str, index: int) -
     merged = position_merged(mesh_of(category, index))
     assert merged.bounds[0, 2] == 0.0
     base = merged.vertices[merged.vertices[:, 2] <= CONTACT_M][:, :2]
-    # The base's hull reaches max(p . u) in direction u: it holds a point p0 where that exceeds p0 . u.
+    # In direction u the base's hull reaches max(p . u): beyond c . u for all u where it holds c.
     angle = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
     directions = np.stack([np.cos(angle), np.sin(angle)])
     reach = (base @ directions).max(axis=0)
@@ -81,7 +88,7 @@ def test_texture_coordinates_lie_in_the_unit_square_and_normals_are_unit(
     category: str, index: int
 ) -> None:
     mesh = mesh_of(category, index)
-    uv = mesh.visual.uv
+    uv = texture_of(mesh)
     assert uv.shape == (len(mesh.vertices), 2)
     assert uv.min() >= 0.0
     assert uv.max() <= 1.0
@@ -94,7 +101,7 @@ def test_the_same_stream_gives_the_same_bytes_and_another_a_different_shape(cate
     first, again, other = draw(category, 0), draw(category, 0), draw(category, 1)
     assert first.vertices.tobytes() == again.vertices.tobytes()
     assert first.faces.tobytes() == again.faces.tobytes()
-    assert first.visual.uv.tobytes() == again.visual.uv.tobytes()
+    assert texture_of(first).tobytes() == texture_of(again).tobytes()
     assert first.vertex_normals.tobytes() == again.vertex_normals.tobytes()
     assert not np.allclose(first.extents, other.extents, atol=1e-5)
 
