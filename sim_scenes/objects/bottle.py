@@ -186,6 +186,7 @@ class BottleParams:
         height = min(max(height, 0.125), 0.296)
         neck_radius = uniform(rng, *family.neck_radius)
         shoulder = uniform(rng, *family.shoulder)
+        taper = uniform(rng, *family.taper)
         return cls(
             kind=kind,
             width_m=width,
@@ -196,7 +197,7 @@ class BottleParams:
             neck=min(shoulder + uniform(rng, *family.span), 0.985),
             fullness=uniform(rng, *family.fullness),
             settle=uniform(rng, 0.1, 0.5),
-            taper=uniform(rng, *family.taper),
+            taper=taper,
             waist=uniform(rng, *family.waist),
             waist_at=uniform(rng, 0.4, 0.65),
             neck_radius_m=neck_radius,
@@ -209,7 +210,7 @@ class BottleParams:
                 rng,
                 kind=choose(rng, family.closures),
                 neck_radius_m=neck_radius,
-                body_radius_m=0.5 * width * aspect,
+                shoulder_radius_m=0.5 * width * aspect * (1.0 - max(-taper, 0.0)),
             ),
         )
 

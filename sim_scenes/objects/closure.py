@@ -60,20 +60,20 @@ class ClosureParams:
         *,
         kind: Closure,
         neck_radius_m: float,
-        body_radius_m: float,
+        shoulder_radius_m: float,
     ) -> ClosureParams:
-        """Draw a closure that fits the neck and stays within the body's lesser radius."""
+        """Draw a closure that fits the neck and stays within the shoulder's lesser radius."""
         grip, tall, slim, ahead = (rng.random() for _ in range(4))
 
         def between(low: float, high: float, share: float) -> float:
             return low + (high - low) * share
 
-        room = max(body_radius_m - 0.001, neck_radius_m + 0.002)
+        room = max(shoulder_radius_m - 0.001, neck_radius_m + 0.002)
         radius = {
             Closure.LONG_SCREW: neck_radius_m + between(0.0005, 0.001, grip),
             Closure.CORK: neck_radius_m + between(0.0005, 0.001, grip),
             Closure.CROWN: neck_radius_m + between(0.0022, 0.0032, grip),
-            Closure.FLIP: between(max(neck_radius_m + 0.003, 0.55 * body_radius_m), room, grip),
+            Closure.FLIP: between(max(neck_radius_m + 0.003, 0.55 * shoulder_radius_m), room, grip),
             Closure.NOZZLE: between(neck_radius_m + 0.002, min(neck_radius_m + 0.010, room), grip),
         }.get(kind, neck_radius_m + between(0.0015, 0.0028, grip))
         height = between(
@@ -97,7 +97,9 @@ class ClosureParams:
             Closure.PUMP: between(0.010, 0.0145, slim),
             Closure.NOZZLE: between(0.0022, 0.0036, slim),
         }.get(kind, radius * between(0.94, 1.0, slim))
-        flanged = kind in {Closure.SCREW, Closure.SPORT} and body_radius_m > neck_radius_m + 0.006
+        flanged = (
+            kind in {Closure.SCREW, Closure.SPORT} and shoulder_radius_m > neck_radius_m + 0.006
+        )
         return cls(
             kind=kind,
             radius_m=radius,

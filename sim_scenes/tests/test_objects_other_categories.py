@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import functools
 import importlib
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ import trimesh
 from sim_scenes.objects.camera import BALANCE, balanced_length
 from sim_scenes.objects.draws import Split, stream
 from sim_scenes.objects.finish import position_merged
-from sim_scenes.objects.part import Floats
+
+if TYPE_CHECKING:
+    from sim_scenes.objects.part import Floats
 
 DRAWS = 8
 # Extents along x, y, z in metres: least and greatest.
