@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from sim_scenes.spec import SceneSpec
 
 
-def simulate(spec: SceneSpec, seed: int, object_set: ObjectSet) -> Scene:
+def simulate(spec: SceneSpec, seed: int, objects: ObjectSet) -> Scene:
     """Simulate a scene: a pure function of its arguments.
 
     The models and the look are the seed's for good; where the objects stand and where the camera
@@ -36,7 +36,7 @@ def simulate(spec: SceneSpec, seed: int, object_set: ObjectSet) -> Scene:
         The family of scenes.
     seed
         Which of the family.
-    object_set
+    objects
         The models to draw from.
 
     Raises
@@ -48,14 +48,14 @@ def simulate(spec: SceneSpec, seed: int, object_set: ObjectSet) -> Scene:
     SimulatorMissing
         If PyBullet is not installed.
     """
-    solids = [solid_from_model(model) for model in choose_models(spec, seed, object_set)]
+    solids = [solid_from_model(model) for model in choose_models(spec, seed, objects)]
     look = draw_look(spec.appearance, seed, solids)
     width, height = spec.image_size
     intrinsics = d435_intrinsics(width=width, height=height)
     redraws: list[str] = []
     for attempt in range(spec.max_redraws + 1):
         try:
-            objects, views = _draw(spec, seed, attempt, solids=solids, look=look, camera=intrinsics)
+            placed, views = _draw(spec, seed, attempt, solids=solids, look=look, camera=intrinsics)
         except Rejected as rejected:
             redraws.append(str(rejected))
             continue
@@ -64,7 +64,7 @@ def simulate(spec: SceneSpec, seed: int, object_set: ObjectSet) -> Scene:
             for number, view in enumerate(views)
         )
         name = f"{spec.category or spec.models[0]}-{seed}"
-        return Scene(frames, objects, name, redraws=tuple(redraws), spec=spec, seed=seed)
+        return Scene(frames, placed, name, redraws=tuple(redraws), spec=spec, seed=seed)
     raise SceneError(
         f"no scene of '{spec.title}' from seed {seed} ({', '.join(s.name for s in solids)}) within "
         f"{spec.max_redraws} redraws; the last draw: {redraws[-1]}. "
@@ -72,33 +72,33 @@ def simulate(spec: SceneSpec, seed: int, object_set: ObjectSet) -> Scene:
     )
 
 
-def choose_models(spec: SceneSpec, seed: int, object_set: ObjectSet) -> list[ObjectModel]:
+def choose_models(spec: SceneSpec, seed: int, objects: ObjectSet) -> list[ObjectModel]:
     """Models of a scene, the target first; no model twice."""
+    models = sorted(objects.models, key=lambda model: model.name)
+    random = stream(seed, "models")
     if spec.models:
-        by_name = {model.name: model for model in object_set.models}
+        by_name = {model.name: model for model in models}
         missing = [name for name in spec.models if name not in by_name]
         if missing:
+            raise SpecError(f"no model is named '{missing[0]}'; the set has {', '.join(by_name)}")
+        chosen = [by_name[name] for name in spec.models]
+    else:
+        targets = [model for model in models if model.category == spec.category]
+        if not targets:
             raise SpecError(
-                f"no model is named '{missing[0]}'; the set has {', '.join(sorted(by_name))}"
+                f"no model is a {spec.category}; the set has "
+                f"{', '.join(sorted({model.category for model in models})) or 'none at all'}"
             )
-        return [by_name[name] for name in spec.models]
-    models = sorted(object_set.models, key=lambda model: model.name)
-    targets = [model for model in models if model.category == spec.category]
-    if not targets:
-        raise SpecError(
-            f"no model is a {spec.category}; the set has "
-            f"{', '.join(sorted({model.category for model in models})) or 'none at all'}"
-        )
-    random = stream(seed, "models")
-    target = targets[int(random.integers(len(targets)))]
-    others = [model for model in models if model is not target]
+        chosen = [targets[int(random.integers(len(targets)))]]
+    others = [model for model in models if model not in chosen]
     low, high = spec.objects
-    count = int(random.integers(low, high + 1)) - 1
-    if count > len(others):
+    missing_count = int(random.integers(low, high + 1)) - len(chosen)
+    if missing_count > len(others):
         raise SpecError(
             f"objects is {spec.objects} but the set has {len(models)} models; add models"
         )
-    return [target, *(others[int(i)] for i in random.permutation(len(others))[:count])]
+    order = random.permutation(len(others))[: max(0, missing_count)]
+    return [*chosen, *(others[int(i)] for i in order)]
 
 
 def _draw(

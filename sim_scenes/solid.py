@@ -105,7 +105,8 @@ def _texture(path: Path | None) -> Picture | None:
             picture = image.convert("RGB")
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         raise ObjectError(
-            f"{path}: is not a readable picture ({error}); restore it, or take it out of the manifest"
+            f"{path}: is not a readable picture ({error}); "
+            "restore it, or take it out of the manifest"
         ) from error
     # Beyond this the renderer, which takes the nearest texel, only shimmers.
     picture.thumbnail((TEXTURE_SIDE_PX, TEXTURE_SIDE_PX))

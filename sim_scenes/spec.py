@@ -60,9 +60,10 @@ class SceneSpec:
     category
         Category that the target is drawn from.
     models
-        Names of the models to place instead, the target first; `category` is then left empty.
+        Names of the models to place, the target first; `category` is then left empty.
     objects
-        Number of objects, drawn from this range, ends included; the others are of any category.
+        Number of objects, drawn from this range, ends included; those not named are of any
+        category.
     views
         Number of frames.
     image_size
@@ -88,11 +89,8 @@ class SceneSpec:
             raise SpecError(
                 f"category is '{self.category}' and models is {self.models}; give one of the two"
             )
-        if self.models and self.objects != (1, 1):
-            raise SpecError(
-                f"objects is {self.objects} and models is {self.models}; "
-                "leave objects out, each named model is placed once"
-            )
+        if len(set(self.models)) < len(self.models):
+            raise SpecError(f"models is {self.models}; a scene holds each model once")
         low, high = self.objects
         if not 1 <= low <= high <= 8 or len(self.models) > 8:
             raise SpecError(
@@ -110,12 +108,12 @@ class SceneSpec:
 
     @classmethod
     def single(cls, category: str, **settings: Any) -> SceneSpec:
-        """One object of a category, as in the seed."""
+        """Describe one object of a category, as in the seed."""
         return cls(category=category, **settings)
 
     @classmethod
-    def clutter(cls, category: str, **settings: Any) -> SceneSpec:
-        """2 to 5 objects of mixed categories around a target, seen from further away."""
+    def clutter(cls, category: str = "", **settings: Any) -> SceneSpec:
+        """Describe 2 to 5 objects of mixed categories, seen from further away."""
         arc = Arc(distance_m=(0.42, 0.55), elevation_deg=(40.0, 62.0), azimuth_span_deg=70.0)
         return cls(category=category, **{"objects": (2, 5), "arc": arc, **settings})
 

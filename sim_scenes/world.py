@@ -111,10 +111,11 @@ class World:
             -1,
             collisionMargin=COLLISION_MARGIN_M,
             lateralFriction=0.8,
-            rollingFriction=0.01,
+            # A length: resistance shifts the support by at most this much.
+            rollingFriction=5e-4,
             spinningFriction=0.01,
-            linearDamping=0.1,
-            angularDamping=0.1,
+            linearDamping=0.5,
+            angularDamping=0.5,
         )
         if not solid.closed:
             self.call(
