@@ -12,7 +12,7 @@ from sim_scenes.objects import profile as section
 from sim_scenes.objects.closure import Closure, ClosureParams, closure_solid
 from sim_scenes.objects.draws import chance, choose, integer, uniform
 from sim_scenes.objects.finish import finish
-from sim_scenes.objects.outline import lobed, superellipse
+from sim_scenes.objects.outline import circle, lobed, superellipse
 from sim_scenes.objects.part import Floats, strips
 from sim_scenes.objects.primitives import revolved
 
@@ -118,8 +118,8 @@ FAMILIES = {
         width=(0.052, 0.096),
         slender=(1.9, 2.9),
         neck_radius=(0.0100, 0.0150),
-        shoulder=(0.80, 0.92),
-        span=(0.07, 0.20),
+        shoulder=(0.82, 0.90),
+        span=(0.10, 0.20),
         fullness=(0.6, 0.95),
         taper=(-0.25, 0.25),
         waist=(-0.06, 0.08),
@@ -202,7 +202,7 @@ class BottleParams:
             waist_at=uniform(rng, 0.4, 0.65),
             neck_radius_m=neck_radius,
             base_edge_m=uniform(rng, 0.0025, 0.1 * width * aspect),
-            grooves=integer(rng, 2, 4) if grooves else 0,
+            grooves=integer(rng, 2, 3) if grooves else 0,
             groove_depth_m=uniform(rng, 0.0008, 0.0017),
             petal_depth=uniform(rng, 0.12, 0.3) if petals and not square else 0.0,
             punt_m=uniform(rng, 0.008, 0.03) if punt else uniform(rng, 0.0008, 0.0025),
@@ -228,14 +228,22 @@ class BottleParams:
         radius *= 0.5 * self.width_m / radius.max()
         return np.column_stack([radius, self.shoulder * self.body_height_m * s])
 
-    def strength(self, z: float) -> float:
-        """How much of its own outline the body has: all below the shoulder, none at the neck."""
-        share = z / self.body_height_m
-        s = min(max((self.neck - share) / (self.neck - self.shoulder), 0.0), 1.0)
-        return s * s * (3.0 - 2.0 * s)
+    def shoulder_side(self) -> Floats:
+        """Side (n, 2) of (r, z), metres, from the top of the body to the foot of the neck."""
+        radius, start = (float(v) for v in self.side()[-1])
+        neck, end = self.neck_radius_m, self.neck * self.body_height_m
+        return section.bezier(
+            [
+                (radius, start),
+                (radius, start + self.fullness * (end - start)),
+                (neck + 0.5 * self.fullness * (radius - neck), end - self.settle * (end - start)),
+                (neck, end),
+            ],
+            count=40,
+        )
 
     def ring(self) -> Ring:
-        """Outline at each height."""
+        """Outline at each height: that of the body, which the shoulder turns into a circle."""
         radius = 0.5 * self.width_m
         if self.petal_depth:
             rise = PETAL_RISE * radius
@@ -245,9 +253,16 @@ class BottleParams:
                 depth=self.petal_depth,
                 strength=lambda z: max(0.0, 1.0 - z / rise) ** 2,
             )
-        return superellipse(
-            radius, exponent=self.exponent, strength=self.strength, aspect=self.aspect
-        )
+        if self.exponent == 2.0 and self.aspect == 1.0:
+            return circle(radius)
+        shoulder = self.shoulder_side()
+        # Of the radius, not of the height: a shoulder that turns round too soon would bulge.
+        gone = (shoulder[0, 0] - shoulder[:, 0]) / (shoulder[0, 0] - self.neck_radius_m)
+
+        def strength(z: float) -> float:
+            return 1.0 - float(np.interp(z, shoulder[:, 1], gone)) ** 2
+
+        return superellipse(radius, exponent=self.exponent, strength=strength, aspect=self.aspect)
 
 
 def generate(rng: np.random.Generator) -> trimesh.Trimesh:
@@ -265,17 +280,8 @@ def build(params: BottleParams) -> trimesh.Trimesh:
 def _body(params: BottleParams) -> manifold3d.CrossSection:
     """Cut of the bottle below its closure."""
     side = params.side()
-    radius, start = (float(v) for v in side[-1])
-    neck, end = params.neck_radius_m, params.neck * params.body_height_m
-    shoulder = section.bezier(
-        [
-            (radius, start),
-            (radius, start + params.fullness * (end - start)),
-            (neck + params.fullness * 0.5 * (radius - neck), end - params.settle * (end - start)),
-            (neck, end),
-        ],
-        count=40,
-    )
+    neck, start = params.neck_radius_m, float(side[-1, 1])
+    shoulder = params.shoulder_side()
     top = [[neck, params.body_height_m + INTO_CLOSURE_M]]
     body = section.section_from_curve(np.concatenate([side, shoulder[1:], top]))
     body = section.round_convex(body, params.base_edge_m)
