@@ -1,5 +1,25 @@
-//! Credence: pipeline.
+//! The stages wired together: frames in, a semantic map and classified points out.
+//!
+//! A [`Pipeline`] is made from a [`Config`], whose enums name the stages ([`SegmenterChoice`],
+//! [`ModelChoice`]). [`Pipeline::add_frame`] segments a view and maps it; for each tracked object,
+//! [`Pipeline::training_set`] draws what a classifier learns from, and [`Pipeline::classify`] asks
+//! it about test points. This is the one crate that knows all stages, and it never sees the truth
+//! they are judged by.
 
+mod classify;
+mod config;
+mod error;
+mod pipeline;
+mod segmenter;
+mod training;
+
+pub use classify::Classification;
+pub use config::{
+    Config, GpConfig, MapConfig, ModelChoice, SegmenterChoice, SmoothnessChoice, TrainingConfig,
+};
 pub use credence_gp as gp;
 pub use credence_map as map;
-pub use credence_types as types;
+pub use error::PipelineError;
+pub use pipeline::{Pipeline, StageTime};
+pub use segmenter::{Oracle, Segmenter};
+pub use training::TrainingSet;

@@ -1,7 +1,7 @@
 //! Numpy arrays to the crates' types and back; shape errors name the argument.
 
-use credence_pipeline::types::Point;
-use numpy::{Element, PyReadonlyArrayDyn, PyUntypedArrayMethods as _, ndarray::ArrayView2};
+use credence_types::Point;
+use numpy::{Element, PyReadonlyArrayDyn, PyUntypedArrayMethods as _, ndarray::Array2};
 use pyo3::{PyResult, exceptions::PyValueError};
 
 /// The values of a C-contiguous array of the given shape; `None` stands for any length.
@@ -57,10 +57,11 @@ pub(crate) fn matrix4(name: &str, array: &PyReadonlyArrayDyn<'_, f64>) -> PyResu
 }
 
 /// Points as an (n, 3) array.
-pub(crate) fn from_points(points: &[Point]) -> numpy::ndarray::Array2<f64> {
-    let flat: Vec<f64> = points.iter().flat_map(|p| [p.x, p.y, p.z]).collect();
-    ArrayView2::from_shape((points.len(), 3), &flat).map_or_else(
-        |_| numpy::ndarray::Array2::zeros((0, 3)),
-        |view| view.to_owned(),
-    )
+pub(crate) fn from_points(points: &[Point]) -> Array2<f64> {
+    Array2::from_shape_fn((points.len(), 3), |(row, axis)| points[row][axis])
+}
+
+/// Colours as an (n, 3) array.
+pub(crate) fn from_colours(colours: &[[u8; 3]]) -> Array2<u8> {
+    Array2::from_shape_fn((colours.len(), 3), |(row, channel)| colours[row][channel])
 }

@@ -1,6 +1,10 @@
 //! Python bindings: the extension module `harness._native`.
 //!
 //! Conversion and error mapping only; every computation lives in the crates below.
+#![expect(
+    clippy::needless_pass_by_value,
+    reason = "pyo3 extracts arguments by value"
+)]
 
 mod arrays;
 mod errors;
@@ -12,4 +16,14 @@ mod score;
 use pyo3::prelude::*;
 
 #[pymodule]
-mod _native {}
+mod _native {
+    #[pymodule_export]
+    use super::{
+        gp::{gp_log_likelihood, gp_posterior},
+        map::{PyMappedObject, PyOccupancyMap, PyVoxels},
+        pipeline::{
+            PyHyperparameters, PyPipeline, PyPredictions, PyTrainingSet, check_pipeline_config,
+        },
+        score::{PyMeshTruth, binary_metrics, nearest_observation},
+    };
+}

@@ -1,0 +1,254 @@
+use std::{fmt, str::FromStr};
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use crate::PipelineError;
+
+/// Everything that can be chosen in a run of the pipeline; [`Config::default`] is the protocol.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Config {
+    /// Which segmenter finds the objects.
+    pub segmenter: SegmenterChoice,
+    /// The semantic map.
+    pub map: MapConfig,
+    /// The points that a classifier learns from.
+    pub training: TrainingConfig,
+    /// The Gaussian process.
+    pub gp: GpConfig,
+}
+
+/// The segmenters by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SegmenterChoice {
+    /// The true masks that the simulator or the dataset delivers.
+    #[default]
+    Oracle,
+}
+
+/// The classifiers by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ModelChoice {
+    /// Every covariance on coordinates.
+    Classic,
+}
+
+/// Names that a configuration spells an enum's values by.
+macro_rules! named_by_serde {
+    ($choice:ty) => {
+        impl fmt::Display for $choice {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                self.serialize(f)
+            }
+        }
+
+        impl FromStr for $choice {
+            type Err = PipelineError;
+
+            fn from_str(name: &str) -> Result<Self, Self::Err> {
+                serde_json::from_value(Value::String(name.to_owned()))
+                    .map_err(|err| PipelineError::Config(err.to_string()))
+            }
+        }
+    };
+}
+
+named_by_serde!(SegmenterChoice);
+named_by_serde!(ModelChoice);
+named_by_serde!(SmoothnessChoice);
+
+/// Smoothness of the Matérn kernel by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum SmoothnessChoice {
+    /// Continuous, not differentiable.
+    #[serde(rename = "1/2")]
+    Half,
+    /// Once differentiable.
+    #[serde(rename = "3/2")]
+    ThreeHalves,
+    /// Twice differentiable.
+    #[default]
+    #[serde(rename = "5/2")]
+    FiveHalves,
+}
+
+/// Settings of the semantic map.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct MapConfig {
+    /// Edge of the smallest voxel, metres.
+    pub resolution_m: f64,
+    /// Rays are cut at this range, metres.
+    pub max_range_m: f64,
+}
+
+impl Default for MapConfig {
+    fn default() -> Self {
+        Self { resolution_m: 0.005, max_range_m: 2.0 }
+    }
+}
+
+/// How training points are drawn (the seed's protocol).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct TrainingConfig {
+    /// Training points of one object, observed and free together.
+    pub points: usize,
+    /// Share of them that is drawn from observed object points; the rest is free space. A cloud
+    /// with fewer points gives all it has, and free space fills the rest.
+    pub object_share: f64,
+    /// Free points keep this distance from every observed point, metres.
+    pub free_margin_m: f64,
+    /// Free points are drawn in the observed points' box, padded on each side by this, metres.
+    pub box_padding_m: f64,
+}
+
+impl Default for TrainingConfig {
+    fn default() -> Self {
+        Self { points: 3600, object_share: 0.5, free_margin_m: 0.01, box_padding_m: 0.03 }
+    }
+}
+
+/// Settings of the Gaussian process.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct GpConfig {
+    /// The classifiers to run, each a row of the result.
+    pub models: Vec<ModelChoice>,
+    /// Matérn smoothness: "1/2", "3/2" or "5/2".
+    pub smoothness: SmoothnessChoice,
+    /// Hyperparameters maximise the exact marginal likelihood of this many training points, drawn
+    /// evenly from object and free; the posterior always uses all of them.
+    pub fit_points: usize,
+    /// Iterations of L-BFGS at most.
+    pub fit_iterations: usize,
+}
+
+impl Default for GpConfig {
+    fn default() -> Self {
+        Self {
+            models: vec![ModelChoice::Classic],
+            smoothness: SmoothnessChoice::FiveHalves,
+            fit_points: 900,
+            fit_iterations: 50,
+        }
+    }
+}
+
+impl Config {
+    /// Reads a JSON object; keys that are left out take their defaults.
+    ///
+    /// # Errors
+    /// Text that is no JSON object, a key that does not exist (the nearest that does is named), a
+    /// value of the wrong type or out of range.
+    pub fn from_json(text: &str) -> Result<Self, PipelineError> {
+        let value: Value =
+            serde_json::from_str(text).map_err(|err| PipelineError::Config(err.to_string()))?;
+        let Value::Object(found) = &value else {
+            return Err(PipelineError::Config("expected a table of settings".to_owned()));
+        };
+        if let Ok(Value::Object(known)) = serde_json::to_value(Self::default()) {
+            refuse_unknown_keys("", found, &known)?;
+        }
+        let config: Self =
+            serde_json::from_value(value).map_err(|err| PipelineError::Config(err.to_string()))?;
+        config.check()?;
+        Ok(config)
+    }
+
+    fn check(&self) -> Result<(), PipelineError> {
+        let positive = |key: &str, value: f64| {
+            if value.is_finite() && value > 0.0 {
+                return Ok(());
+            }
+            Err(PipelineError::Config(format!("{key} is {value}; it must be positive")))
+        };
+        positive("map.resolution_m", self.map.resolution_m)?;
+        positive("map.max_range_m", self.map.max_range_m)?;
+        positive("training.free_margin_m", self.training.free_margin_m)?;
+        positive("training.box_padding_m", self.training.box_padding_m)?;
+        let TrainingConfig { points, object_share, .. } = self.training;
+        if !(object_share > 0.0 && object_share < 1.0) {
+            return Err(PipelineError::Config(format!(
+                "training.object_share is {object_share}; it must lie strictly between 0 and 1"
+            )));
+        }
+        for (key, value) in [("training.points", points), ("gp.fit_points", self.gp.fit_points)] {
+            if value < 2 {
+                return Err(PipelineError::Config(format!(
+                    "{key} is {value}; it must be at least 2, one for each class"
+                )));
+            }
+        }
+        if self.gp.models.is_empty() {
+            return Err(PipelineError::Config(
+                "gp.models is empty; name at least one, such as [\"classic\"]".to_owned(),
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// Compares the keys found with those of the default, table by table.
+fn refuse_unknown_keys(
+    path: &str,
+    found: &Map<String, Value>,
+    known: &Map<String, Value>,
+) -> Result<(), PipelineError> {
+    for (key, value) in found {
+        match (known.get(key), value) {
+            (None, _) => {
+                let nearest = known
+                    .keys()
+                    .max_by(|a, b| {
+                        strsim::jaro_winkler(a, key).total_cmp(&strsim::jaro_winkler(b, key))
+                    })
+                    .map_or_else(String::new, |near| format!("; did you mean {path}{near}?"));
+                return Err(PipelineError::Config(format!("unknown key {path}{key}{nearest}")));
+            }
+            (Some(Value::Object(inner)), Value::Object(value)) => {
+                refuse_unknown_keys(&format!("{path}{key}."), value, inner)?;
+            }
+            (Some(_), _) => {}
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn message(text: &str) -> String {
+        Config::from_json(text).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn what_is_left_out_takes_its_default() {
+        assert_eq!(Config::from_json("{}").unwrap(), Config::default());
+        let config = Config::from_json(r#"{"training": {"points": 200}}"#).unwrap();
+        assert_eq!(config.training.points, 200);
+        assert_eq!(config.training.object_share, 0.5);
+    }
+
+    #[test]
+    fn a_misspelt_key_is_refused_with_the_nearest() {
+        let text = r#"{"training": {"piont": 200}}"#;
+        assert!(message(text).ends_with("unknown key training.piont; did you mean training.points?"));
+        assert!(message(r#"{"segmentor": "oracle"}"#).ends_with("did you mean segmenter?"));
+    }
+
+    #[test]
+    fn values_out_of_range_are_refused_by_name() {
+        assert!(message(r#"{"map": {"resolution_m": 0}}"#).contains("map.resolution_m is 0"));
+        assert!(message(r#"{"training": {"object_share": 1}}"#).contains("strictly between"));
+        assert!(message(r#"{"gp": {"fit_points": 1}}"#).contains("gp.fit_points is 1"));
+        assert!(message(r#"{"gp": {"models": []}}"#).contains("gp.models is empty"));
+        assert!(message(r#"{"gp": {"models": ["classical"]}}"#).contains("classic"));
+        assert!(message("[]").contains("expected a table"));
+        assert!(message("{").contains("EOF"));
+    }
+}

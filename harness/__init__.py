@@ -1,0 +1,3 @@
+"""Benchmarks, tables and the command line."""
+
+from __future__ import annotations

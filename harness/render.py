@@ -1,0 +1,157 @@
+"""Pictures of a scene: what each view saw, and the map it became."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import matplotlib as mpl
+import numpy as np
+import numpy.typing as npt
+import pyvista as pv
+from PIL import Image, ImageDraw, ImageFont
+
+from harness.native import CLASS_NAMES
+from harness.runs.atomic import write_atomically
+
+if TYPE_CHECKING:
+    from harness.native import MappedObject, Pipeline, Voxels
+    from sim_scenes import Frame, Scene
+
+Picture = npt.NDArray[np.uint8]
+
+# Okabe and Ito's palette, which colour-blind readers can tell apart; free space is not drawn.
+CLASS_COLOURS = {
+    "free": (153, 153, 153),
+    "bottle": (230, 159, 0),
+    "bowl": (86, 180, 233),
+    "camera": (0, 158, 115),
+    "can": (240, 228, 66),
+    "laptop": (204, 121, 167),
+    "mug": (213, 94, 0),
+}
+MAP_SIZE = (960, 720)
+CROP_MARGIN_M = 0.15
+
+
+@dataclass(frozen=True)
+class ScenePictures:
+    """Where the pictures of a scene were written."""
+
+    folder: Path
+    files: tuple[Path, ...]
+    montage: Path
+
+
+def render_pictures(scene: Scene, pipeline: Pipeline, *, folder: Path) -> ScenePictures:
+    """Write the RGB, depth and mask of every view, the map in 3-D, and one montage of all.
+
+    Parameters
+    ----------
+    scene
+        The frames.
+    pipeline
+        The map that they were fed to.
+    folder
+        Made where it is missing; files of the same names are replaced.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    pictures: dict[str, Picture] = {}
+    rows = []
+    for index, frame in enumerate(scene.frames):
+        row = {
+            f"view{index}_rgb": frame.rgb,
+            f"view{index}_depth": colour_depth(frame.depth_m),
+            f"view{index}_mask": overlay_mask(frame, scene),
+        }
+        pictures |= row
+        rows.append(np.concatenate([label(image, name) for name, image in row.items()], axis=1))
+    voxels, mapped = pipeline.voxels(), pipeline.objects()
+    for name, by_class in (("map_classes", True), ("map_rgb", False)):
+        pictures[name] = draw_map(voxels, mapped, by_class=by_class)
+    width = rows[0].shape[1]
+    maps = np.concatenate([label(pictures[n], n) for n in ("map_classes", "map_rgb")], axis=1)
+    pictures["montage"] = np.concatenate([*rows, fit_width(maps, width)], axis=0)
+    files = {name: folder / f"{name}.png" for name in pictures}
+    for name, path in files.items():
+        image = Image.fromarray(pictures[name])
+        write_atomically(path, lambda file, image=image: image.save(file, format="PNG"))
+    return ScenePictures(folder=folder, files=tuple(files.values()), montage=files["montage"])
+
+
+def colour_depth(depth_m: npt.NDArray[np.float32]) -> Picture:
+    """Depth (h, w) in metres as colours, near bright; pixels without a measurement are black."""
+    valid = np.isfinite(depth_m)
+    near, far = np.percentile(depth_m[valid], [1, 99]) if valid.any() else (0.0, 1.0)
+    share = np.clip((far - depth_m) / max(far - near, 1e-6), 0, 1)
+    colours = mpl.colormaps["viridis"](np.where(valid, share, 0.0))[..., :3]
+    return np.asarray(np.where(valid[..., None], colours * 255, 0), dtype=np.uint8)
+
+
+def overlay_mask(frame: Frame, scene: Scene) -> Picture:
+    """The grey image with each true instance in its category's colour."""
+    grey = frame.rgb.mean(axis=-1, keepdims=True).repeat(3, axis=-1)
+    if frame.instance_ids is not None:
+        for item in scene.objects:
+            inside = frame.instance_ids == item.instance_id
+            grey[inside] = 0.4 * grey[inside] + 0.6 * np.array(CLASS_COLOURS[item.category])
+    return np.asarray(grey, dtype=np.uint8)
+
+
+def draw_map(voxels: Voxels, mapped: list[MappedObject], *, by_class: bool) -> Picture:
+    """The occupied voxels about the objects in 3-D, with each tracked object's id over it."""
+    centres = voxels.centres_world
+    centroids = np.array([item.centroid_world for item in mapped]).reshape(-1, 3)
+    if len(mapped):
+        low = centroids.min(axis=0) - CROP_MARGIN_M
+        high = centroids.max(axis=0) + CROP_MARGIN_M
+        near = ((centres >= low) & (centres <= high)).all(axis=1)
+    else:
+        near = np.ones(len(centres), dtype=bool)
+    palette = np.array([CLASS_COLOURS[name] for name in CLASS_NAMES], dtype=np.uint8)
+    colours = palette[voxels.classes] if by_class else voxels.rgb
+    plotter = pv.Plotter(off_screen=True, window_size=list(MAP_SIZE))
+    plotter.set_background("white")
+    if near.any():
+        cloud = pv.PolyData(centres[near])
+        cloud["colour"] = colours[near]
+        cubes = cloud.glyph(
+            geom=pv.Cube(x_length=voxels.size_m, y_length=voxels.size_m, z_length=voxels.size_m),
+            scale=False,
+            orient=False,
+        )
+        plotter.add_mesh(cubes, scalars="colour", rgb=True)
+    for item in mapped:
+        top = item.centroid_world + (0, 0, 0.09)
+        plotter.add_mesh(
+            pv.Sphere(radius=0.008, center=top), color=[c / 255 for c in CLASS_COLOURS[item.category]]
+        )
+        plotter.add_point_labels(
+            [top + (0, 0, 0.015)],
+            [f"{item.category} #{item.id}"],
+            font_size=22,
+            shape=None,
+            show_points=False,
+            always_visible=True,
+        )
+    focus = centroids.mean(axis=0) if len(mapped) else centres.mean(axis=0)
+    plotter.camera_position = [tuple(focus + (-0.45, -0.45, 0.4)), tuple(focus), (0, 0, 1)]
+    image = plotter.screenshot(return_img=True)
+    plotter.close()
+    return np.asarray(image, dtype=np.uint8)
+
+
+def label(image: Picture, text: str) -> Picture:
+    """A copy of the image with a caption in its upper left corner."""
+    picture = Image.fromarray(image)
+    ImageDraw.Draw(picture).text(
+        (8, 6), text, fill="white", font=ImageFont.load_default(20), stroke_width=2, stroke_fill="black"
+    )
+    return np.asarray(picture)
+
+
+def fit_width(image: Picture, width: int) -> Picture:
+    """The image scaled to a width, its proportions kept."""
+    height = round(image.shape[0] * width / image.shape[1])
+    return np.asarray(Image.fromarray(image).resize((width, height)))
