@@ -45,7 +45,7 @@ def table(*, views: int) -> list[Scan]:
     scans = []
     for angle in np.linspace(0.0, 2.0, views):
         sensor = np.array([0.5 * np.cos(angle), 0.5 * np.sin(angle), 0.6])
-        u, v = np.meshgrid(np.linspace(-0.4, 0.4, 64), np.linspace(-0.4, 0.4, 48))
+        u, v = np.meshgrid(np.linspace(-0.4, 0.4, 24), np.linspace(-0.4, 0.4, 18))
         floor = np.stack([u, v, np.zeros_like(u)], axis=-1).reshape(-1, 3)
         floor[np.abs(floor[:, 0]) < 0.1, 2] = 0.08
         scans.append((sensor, floor))
@@ -102,7 +102,7 @@ def beyond_the_volume() -> Case:
 
 
 def depth_camera() -> Case:
-    return 0.005, None, table(views=3)
+    return 0.005, None, table(views=2)
 
 
 CASES = (
