@@ -98,11 +98,11 @@ class ScenesSection(Section):
 
 
 class ProtocolSection(Section):
-    """``[protocol]``: the seed's protocol, how many points and what counts as on the mesh."""
+    """``[protocol]``: test points, and what counts as on the mesh.
 
-    training_points: int = Field(
-        default=3600, ge=2, description="Training points, object and free space."
-    )
+    Training points belong to the pipeline: ``[pipeline.training]``.
+    """
+
     test_points: int = Field(default=1000, ge=1, description="Test points.")
     tolerances_m: tuple[PositiveFloat, ...] = Field(
         default=(0.0025, 0.005, 0.01),

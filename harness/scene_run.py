@@ -143,7 +143,7 @@ def evaluate_scene(
 
     with clock.stage("truth"):
         distances_m = np.stack(
-            [MeshTruth(*item.mesh_world()).distances(test_points) for item in scene.objects]
+            [mesh_truth(item).distances(test_points) for item in scene.objects]
         )
 
     records = []
@@ -175,6 +175,12 @@ def evaluate_scene(
     for stage, model, seconds in pipeline.timings():
         clock.add(stage, seconds, model=model)
     return records
+
+
+def mesh_truth(item: SceneObject) -> MeshTruth:
+    """An object's true mesh in the world, ready to be measured against."""
+    vertices, faces = item.mesh_world()
+    return MeshTruth(np.ascontiguousarray(vertices), faces.astype(np.uint32))
 
 
 def find_mapped(mapped: list[MappedObject], target: SceneObject) -> MappedObject:

@@ -40,7 +40,7 @@ def message(path: Path | None, *overrides: Override) -> str:
 def test_the_defaults_are_the_seeds_protocol() -> None:
     config = load_config(None, check_pipeline=no_check)
     assert config == Config()
-    assert (config.protocol.training_points, config.protocol.test_points) == (3600, 1000)
+    assert config.protocol.test_points == 1000
     assert config.protocol.tolerances_m == (0.0025, 0.005, 0.01)
     assert (config.run.scenes, config.scenes.views) == (16, 3)
     assert config.run.classes == ("mug", "bowl")
@@ -92,7 +92,6 @@ def test_a_misspelt_key_gets_its_nearest_and_the_file(
         ("[protocol]\ntolerances_m = [0.0, 0.005]", "protocol.tolerances_m.0 = 0.0: should be gr"),
         ("[protocol]\ntolerances_m = [nan, 0.005]", "protocol.tolerances_m.0 = nan: should be"),
         ("[protocol]\ntest_points = 0", "protocol.test_points = 0: should be greater than or"),
-        ("[protocol]\ntraining_points = 1", "protocol.training_points = 1: should be greater"),
         ("[protocol]\nreported_tolerance_m = 0.007", "0.007 is not one of tolerances_m"),
         ("[protocol]\ntolerances_m = [0.005, 0.005]", "names a distance twice"),
         ('[run]\nclasses = ["mug", "mug"]', "names a class twice"),

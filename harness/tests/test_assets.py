@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from harness.assets import BENCHMARK_COUNTS, Progress, generate_assets
+from sim_scenes.objects import CATEGORIES, ObjectError, load_object_set
+from sim_scenes.objects.object_set import BENCHMARK_FOLDER
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
+
+
+def test_writes_a_folder_that_objects_takes(tmp_path: Path) -> None:
+    seen: list[Progress] = []
+    counts = {"mug": 2, "bowl": 1}
+    records = generate_assets(tmp_path, seed=5, counts=counts, progress=seen.append)
+    assert [record.name for record in records] == [
+        "bowl_train_000",
+        "mug_train_000",
+        "mug_train_001",
+    ]
+    assert [(step.done, step.total) for step in seen] == [(1, 3), (2, 3), (3, 3)]
+    assert set(files(tmp_path)) == {"MANIFEST.json", *(record.path for record in records)}
+    found = load_object_set(tmp_path)
+    found.check_meshes()
+    assert [model.category for model in found.models] == ["bowl", "mug", "mug"]
+
+
+def test_same_arguments_give_the_same_folder(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        generate_assets(tmp_path / name, split="validation", seed=1, per_category=1)
+    generate_assets(tmp_path / "other", split="train", seed=1, per_category=1)
+    assert files(tmp_path / "one") == files(tmp_path / "two")
+    contents = set(files(tmp_path / "one").values())
+    assert not contents & set(files(tmp_path / "other").values())
+
+
+def test_a_broken_run_leaves_no_manifest(tmp_path: Path) -> None:
+    generate_assets(tmp_path, counts={"can": 2})
+
+    def stop(_: Progress) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        generate_assets(tmp_path, seed=1, counts={"can": 2}, progress=stop)
+    assert not (tmp_path / "MANIFEST.json").exists()
+    assert not list(tmp_path.rglob("*.partial"))
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"split": "exam"}, "no split is named 'exam'; use one of train, validation, test"),
+        ({"counts": {"cup": 1}}, "no category is named 'cup'; use one of bottle"),
+        ({"counts": {"mug": -1}}, "-1 meshes of category mug; ask for 0 or more"),
+        ({"per_category": 0}, "no mesh was asked for; give at least one category"),
+        ({"seed": -2}, "seed -2 must not be negative"),
+    ],
+)
+def test_refuses(tmp_path: Path, settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(ObjectError, match=message):
+        generate_assets(tmp_path / "out", **settings)
+    assert not list(tmp_path.rglob("*.ply"))
+
+
+def test_the_committed_set_is_the_benchmark() -> None:
+    models = load_object_set().models
+    counts = {name: sum(model.category == name for model in models) for name in CATEGORIES}
+    # PyBullet's own mug is one more.
+    assert counts == {**BENCHMARK_COUNTS, "mug": BENCHMARK_COUNTS["mug"] + 1}
+    assert sum(model.path.stat().st_size for model in models) < 5_000_000
+    text = (BENCHMARK_FOLDER / "MANIFEST.json").read_text(encoding="utf-8")
+    needed = {"sha256", "category", "extents_m", "license", "watertight", "source"}
+    assert all(needed <= set(entry) for entry in json.loads(text))
+
+
+@pytest.mark.slow
+def test_the_committed_set_is_reproduced(tmp_path: Path) -> None:
+    generate_assets(tmp_path, benchmark=True)
+    made = files(tmp_path)
+    assert made == {name: (BENCHMARK_FOLDER / name).read_bytes() for name in made}
