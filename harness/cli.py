@@ -177,6 +177,51 @@ def assets(
     return EXIT_OK
 
 
+@app.command(
+    epilog=(
+        "[bold]Examples[/bold]\n\n"
+        "A scene of the default benchmark:  [cyan]harness render --scene mug-0003[/cyan]\n\n"
+        "A cluttered one:  [cyan]harness render --scene bowl-0001 --cluttered[/cyan]\n\n"
+        "As a run saw it:  [cyan]harness render --scene mug-0000 --config results/RUN/config.toml[/cyan]"
+    )
+)
+def render(
+    *,
+    scene: Annotated[
+        str,
+        typer.Option(metavar="ID", help="Class and number of a scene of the run, such as mug-0003."),
+    ],
+    cluttered: Annotated[
+        bool, typer.Option("--cluttered", help="Put other objects around the target.")
+    ] = False,
+    seed: Annotated[int | None, _number("Seed of the run.")] = None,
+    objects: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder of meshes with a manifest.json.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="By default results/render/ID.")
+    ] = None,
+    config: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="TOML, as for bench.")
+    ] = None,
+) -> int:
+    """Write a scene's images, depth, masks and its map in 3-D as PNG."""
+    from harness.render import RenderOptions, run_render
+
+    pictures = run_render(
+        RenderOptions(
+            scene=scene, cluttered=cluttered, seed=seed, objects=objects, out=out, config=config
+        )
+    )
+    _stdout().print(
+        f"{len(pictures.files)} pictures in {pictures.folder}; all in one: {pictures.montage}",
+        highlight=False,
+        soft_wrap=True,
+        markup=False,
+    )
+    return EXIT_OK
+
+
 def check_python(version: tuple[int, int]) -> None:
     """Refuse a Python for which the simulator has no build.
 

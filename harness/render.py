@@ -12,8 +12,13 @@ import numpy.typing as npt
 import pyvista as pv
 from PIL import Image, ImageDraw, ImageFont
 
+from harness.bench import load_objects
+from harness.config import Override, load_config
+from harness.errors import InputError
 from harness.native import CLASS_NAMES
 from harness.runs.atomic import write_atomically
+from harness.runs.job import plan_jobs
+from harness.scene_run import map_scene, simulate_job
 
 if TYPE_CHECKING:
     from harness.native import MappedObject, Pipeline, Voxels
@@ -33,6 +38,7 @@ CLASS_COLOURS = {
 }
 MAP_SIZE = (960, 720)
 CROP_MARGIN_M = 0.15
+VIEW_DISTANCE_M = 0.75
 
 
 @dataclass(frozen=True)
@@ -42,6 +48,68 @@ class ScenePictures:
     folder: Path
     files: tuple[Path, ...]
     montage: Path
+
+
+@dataclass(frozen=True)
+class RenderOptions:
+    """Which scene to draw; None leaves a choice to the configuration.
+
+    Attributes
+    ----------
+    scene
+        Class and number of a scene in a run's plan, such as ``mug-0003``.
+    cluttered
+        Put other objects around the target.
+    seed, objects, config
+        As for a benchmark.
+    out
+        Folder for the pictures, by default ``results/render/SCENE``.
+    """
+
+    scene: str
+    cluttered: bool = False
+    seed: int | None = None
+    objects: Path | None = None
+    out: Path | None = None
+    config: Path | None = None
+
+
+def run_render(options: RenderOptions) -> ScenePictures:
+    """Simulate a scene, map it, and write its pictures.
+
+    Raises
+    ------
+    InputError
+        A scene id that no plan holds, a configuration or a folder that cannot be used.
+    """
+    category, _, number = options.scene.rpartition("-")
+    if category not in CLASS_NAMES[1:] or not number.isdecimal():
+        raise InputError(
+            f"--scene {options.scene}: give a class and a number, such as mug-0003 "
+            f"(classes: {', '.join(CLASS_NAMES[1:])})"
+        )
+    asked = {
+        "run.classes": (category,),
+        "run.scenes": int(number) + 1,
+        "run.seed": options.seed,
+        "scenes.objects": options.objects,
+        "scenes.cluttered": options.cluttered or None,
+    }
+    config = load_config(
+        options.config,
+        overrides=tuple(
+            Override(key=key, value=value, option="--" + key.rpartition(".")[2])
+            for key, value in asked.items()
+            if value is not None
+        ),
+    )
+    folder = options.out or Path("results") / "render" / options.scene
+    job = plan_jobs(config, load_objects(config.scenes.objects))[-1]
+    scene = simulate_job(job, config)
+    try:
+        return render_pictures(scene, map_scene(scene, config=config), folder=folder)
+    except OSError as error:
+        raise InputError(f"cannot write to {folder}: {error.strerror or error}") from error
 
 
 def render_pictures(scene: Scene, pipeline: Pipeline, *, folder: Path) -> ScenePictures:
@@ -68,8 +136,9 @@ def render_pictures(scene: Scene, pipeline: Pipeline, *, folder: Path) -> SceneP
         pictures |= row
         rows.append(np.concatenate([label(image, name) for name, image in row.items()], axis=1))
     voxels, mapped = pipeline.voxels(), pipeline.objects()
+    eye_world = np.mean([frame.world_from_camera[:3, 3] for frame in scene.frames], axis=0)
     for name, by_class in (("map_classes", True), ("map_rgb", False)):
-        pictures[name] = draw_map(voxels, mapped, by_class=by_class)
+        pictures[name] = draw_map(voxels, mapped, eye_world=eye_world, by_class=by_class)
     width = rows[0].shape[1]
     maps = np.concatenate([label(pictures[n], n) for n in ("map_classes", "map_rgb")], axis=1)
     pictures["montage"] = np.concatenate([*rows, fit_width(maps, width)], axis=0)
@@ -99,8 +168,17 @@ def overlay_mask(frame: Frame, scene: Scene) -> Picture:
     return np.asarray(grey, dtype=np.uint8)
 
 
-def draw_map(voxels: Voxels, mapped: list[MappedObject], *, by_class: bool) -> Picture:
-    """The occupied voxels about the objects in 3-D, with each tracked object's id over it."""
+def draw_map(
+    voxels: Voxels,
+    mapped: list[MappedObject],
+    *,
+    eye_world: npt.NDArray[np.float64],
+    by_class: bool,
+) -> Picture:
+    """The occupied voxels about the objects in 3-D, with each tracked object's id over it.
+
+    The viewer stands on the line from the objects to `eye_world` (3,), where the camera was.
+    """
     centres = voxels.centres_world
     centroids = np.array([item.centroid_world for item in mapped]).reshape(-1, 3)
     if len(mapped):
@@ -136,7 +214,8 @@ def draw_map(voxels: Voxels, mapped: list[MappedObject], *, by_class: bool) -> P
             always_visible=True,
         )
     focus = centroids.mean(axis=0) if len(mapped) else centres.mean(axis=0)
-    plotter.camera_position = [tuple(focus + (-0.45, -0.45, 0.4)), tuple(focus), (0, 0, 1)]
+    towards_eye = (eye_world - focus) / np.linalg.norm(eye_world - focus)
+    plotter.camera_position = [tuple(focus + VIEW_DISTANCE_M * towards_eye), tuple(focus), (0, 0, 1)]
     image = plotter.screenshot(return_img=True)
     plotter.close()
     return np.asarray(image, dtype=np.uint8)

@@ -75,6 +75,12 @@ def variants(config: Config) -> list[Variant]:
     ]
 
 
+def simulate_job(job: SceneJob, config: Config) -> Scene:
+    """Render a job's scene."""
+    objects = load_object_set(config.scenes.objects)
+    return simulate(scene_spec(job, config), seed=job.seed, objects=objects)
+
+
 def run_scene(job: SceneJob, config: Config) -> SceneResult:
     """Render a job's scene and evaluate it.
 
@@ -92,8 +98,7 @@ def run_scene(job: SceneJob, config: Config) -> SceneResult:
     """
     clock = StageClock(job.scene_id)
     with clock.stage("render"):
-        objects = load_object_set(config.scenes.objects)
-        scene = simulate(scene_spec(job, config), seed=job.seed, objects=objects)
+        scene = simulate_job(job, config)
     records = evaluate_scene(scene, job=job, config=config, clock=clock)
     return SceneResult(records=records, timings=clock.timings)
 
