@@ -39,6 +39,8 @@ CALM_WINDOWS = 2
 LIMIT_WINDOWS = 30
 TOPPLED_RAD = math.radians(20)
 ROLLED_M = 0.05
+# Now and then Bullet lets a corner sink in; more than this would be seen.
+SUNK_M = 3e-4
 # Deeper contact between hulls than this would put one object inside another.
 OVERLAP_M = 1e-3
 
@@ -168,6 +170,9 @@ def _fits(place: Floats, radius_m: float, places: list[Floats], radii: list[floa
 def _check_at_rest(solid: Solid, *, start: Floats, pose: Floats) -> None:
     if math.acos(min(1.0, pose[2, 2])) > TOPPLED_RAD:
         raise Rejected(f"{solid.name} toppled")
+    lowest_m = float(apply(pose, solid.hull)[:, 2].min())
+    if abs(lowest_m) > SUNK_M:
+        raise Rejected(f"{solid.name} rests {1e3 * lowest_m:.1f} mm off the table")
     middle = solid.bounds.mean(axis=0)[None]
     moved = apply(pose, middle)[0] - apply(start, middle)[0]
     if math.hypot(*moved[:2]) > ROLLED_M:

