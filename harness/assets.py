@@ -17,10 +17,11 @@ from sim_scenes.objects.manifest import CATEGORIES, Record, sha256_of, write_man
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-# What is committed: the test split from seed 0, and PyBullet's own mug.
+# What is committed: the test split, and PyBullet's own mug. The seed is the smallest whose ten mugs
+# and ten bowls show every body, handle, outline and rim.
 BENCHMARK_COUNTS = {"bottle": 3, "bowl": 10, "camera": 3, "can": 3, "laptop": 3, "mug": 10}
 BENCHMARK_SPLIT = Split.TEST
-BENCHMARK_SEED = 0
+BENCHMARK_SEED = 4
 MANIFEST = "MANIFEST.json"
 
 

@@ -189,7 +189,9 @@ def render(
     *,
     scene: Annotated[
         str,
-        typer.Option(metavar="ID", help="Class and number of a scene of the run, such as mug-0003."),
+        typer.Option(
+            metavar="ID", help="Class and number of a scene of the run, such as mug-0003."
+        ),
     ],
     cluttered: Annotated[
         bool, typer.Option("--cluttered", help="Put other objects around the target.")
@@ -201,9 +203,7 @@ def render(
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="By default results/render/ID.")
     ] = None,
-    config: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="TOML, as for bench.")
-    ] = None,
+    config: Annotated[Path | None, typer.Option(metavar="FILE", help="TOML, as for bench.")] = None,
 ) -> int:
     """Write a scene's images, depth, masks and its map in 3-D as PNG."""
     from harness.render import RenderOptions, run_render

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
-import pyvista as pv
 from PIL import Image, ImageDraw, ImageFont
 
 from harness.bench import load_objects
 from harness.config import Override, load_config
+from harness.cubes import Picture, View, draw_cubes
 from harness.errors import InputError
 from harness.native import CLASS_NAMES
 from harness.runs.atomic import write_atomically
@@ -23,8 +23,6 @@ from harness.scene_run import map_scene, simulate_job
 if TYPE_CHECKING:
     from harness.native import MappedObject, Pipeline, Voxels
     from sim_scenes import Frame, Scene
-
-Picture = npt.NDArray[np.uint8]
 
 # Okabe and Ito's palette, which colour-blind readers can tell apart; free space is not drawn.
 CLASS_COLOURS = {
@@ -36,7 +34,7 @@ CLASS_COLOURS = {
     "laptop": (204, 121, 167),
     "mug": (213, 94, 0),
 }
-MAP_SIZE = (960, 720)
+MARKER_PX = 12
 CROP_MARGIN_M = 0.15
 VIEW_DISTANCE_M = 0.75
 
@@ -189,43 +187,42 @@ def draw_map(
         near = np.ones(len(centres), dtype=bool)
     palette = np.array([CLASS_COLOURS[name] for name in CLASS_NAMES], dtype=np.uint8)
     colours = palette[voxels.classes] if by_class else voxels.rgb
-    plotter = pv.Plotter(off_screen=True, window_size=list(MAP_SIZE))
-    plotter.set_background("white")
-    if near.any():
-        cloud = pv.PolyData(centres[near])
-        cloud["colour"] = colours[near]
-        cubes = cloud.glyph(
-            geom=pv.Cube(x_length=voxels.size_m, y_length=voxels.size_m, z_length=voxels.size_m),
-            scale=False,
-            orient=False,
-        )
-        plotter.add_mesh(cubes, scalars="colour", rgb=True)
-    for item in mapped:
-        top = item.centroid_world + (0, 0, 0.09)
-        plotter.add_mesh(
-            pv.Sphere(radius=0.008, center=top), color=[c / 255 for c in CLASS_COLOURS[item.category]]
-        )
-        plotter.add_point_labels(
-            [top + (0, 0, 0.015)],
-            [f"{item.category} #{item.id}"],
-            font_size=22,
-            shape=None,
-            show_points=False,
-            always_visible=True,
-        )
     focus = centroids.mean(axis=0) if len(mapped) else centres.mean(axis=0)
     towards_eye = (eye_world - focus) / np.linalg.norm(eye_world - focus)
-    plotter.camera_position = [tuple(focus + VIEW_DISTANCE_M * towards_eye), tuple(focus), (0, 0, 1)]
-    image = plotter.screenshot(return_img=True)
-    plotter.close()
-    return np.asarray(image, dtype=np.uint8)
+    view = View(eye_world=focus + VIEW_DISTANCE_M * towards_eye, focus_world=focus)
+    picture = draw_cubes(centres[near], colours[near], size_m=voxels.size_m, view=view)
+    image = Image.fromarray(picture)
+    pen = ImageDraw.Draw(image)
+    for item in mapped:
+        u, v = view.project(
+            item.points_world.max(axis=0) * (0, 0, 1) + item.centroid_world * (1, 1, 0)
+        )
+        v -= MARKER_PX
+        pen.ellipse(
+            (u - MARKER_PX, v - MARKER_PX, u + MARKER_PX, v + MARKER_PX),
+            fill=CLASS_COLOURS[item.category],
+            outline="black",
+        )
+        pen.text(
+            (u, v - 1.5 * MARKER_PX),
+            f"{item.category} #{item.id}",
+            fill="black",
+            anchor="mb",
+            font=ImageFont.load_default(24),
+        )
+    return np.asarray(image)
 
 
 def label(image: Picture, text: str) -> Picture:
     """A copy of the image with a caption in its upper left corner."""
     picture = Image.fromarray(image)
     ImageDraw.Draw(picture).text(
-        (8, 6), text, fill="white", font=ImageFont.load_default(20), stroke_width=2, stroke_fill="black"
+        (8, 6),
+        text,
+        fill="white",
+        font=ImageFont.load_default(20),
+        stroke_width=2,
+        stroke_fill="black",
     )
     return np.asarray(picture)
 

@@ -147,9 +147,7 @@ def evaluate_scene(
     test_points = box_test_points(target, count=protocol.test_points, seed=job.seed)
 
     with clock.stage("truth"):
-        distances_m = np.stack(
-            [mesh_truth(item).distances(test_points) for item in scene.objects]
-        )
+        distances_m = np.stack([mesh_truth(item).distances(test_points) for item in scene.objects])
 
     records = []
     for model in pipeline.models:
