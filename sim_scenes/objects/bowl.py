@@ -117,7 +117,7 @@ class BowlParams:
             outline=outline,
             lobes=integer(rng, 5, 12),
             lobe_depth=uniform(rng, 0.03, 0.065),
-            squareness=uniform(rng, 3.0, 5.0),
+            squareness=uniform(rng, 3.0, 4.2),
             fade=uniform(rng, 0.2, 1.0),
         )
 

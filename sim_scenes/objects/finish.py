@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
     from sim_scenes.objects.part import Floats, Ints
 
-# Edges shorter than this are collapsed: booleans leave slivers where surfaces graze.
-SLIVER_M = 4e-6
 # Neighbouring faces that meet at less than this are shaded as one smooth surface.
 CREASE_COS = float(np.cos(np.radians(38.0)))
 # Normals and texture coordinates are rounded, so that nearly equal corners share a vertex.
@@ -27,9 +25,10 @@ def finish(solid: manifold3d.Manifold) -> trimesh.Trimesh:
     """Turn a solid into a mesh with texture coordinates and normals.
 
     A vertex is stored once per distinct texture coordinate and normal, so the mesh is closed in its
-    positions: see `position_merged`.
+    positions: see `position_merged`. The solid is not simplified: that would stretch the texture
+    over what it merges.
     """
-    mesh = _grounded(solid.simplify(SLIVER_M)).to_mesh64()
+    mesh = _grounded(solid).to_mesh64()
     corners = np.asarray(mesh.tri_verts).astype(np.int64)
     properties = np.asarray(mesh.vert_properties)
     exact = properties[:, :3].astype(np.float32).astype(np.float64) + 0.0

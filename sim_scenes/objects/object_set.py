@@ -60,8 +60,7 @@ class ObjectModel:
         """
         remedy = "export it again as OBJ, PLY, STL or GLB, or leave it out of the manifest"
         try:
-            # Pictures are read from `texture_path` by those who draw.
-            mesh = trimesh.load_mesh(self.path, process=False, skip_materials=True)
+            mesh = _read_mesh(self.path)
         except Exception as error:
             # The readers of damaged files raise what they happen to run into.
             raise ObjectError(
@@ -143,6 +142,19 @@ def load_object_set(folder: Path | None = None) -> ObjectSet:
             )
         seen[model.name] = model
     return ObjectSet(folder, models)
+
+
+def _read_mesh(path: Path) -> trimesh.Trimesh:
+    """Read a file as one mesh; pictures are for those who draw, from `texture_path`."""
+    scene = trimesh.load_scene(path, process=False, skip_materials=True)
+    if len(scene.geometry) == 1 and len(scene.graph.nodes_geometry) == 1:
+        placed, _ = scene.graph[scene.graph.nodes_geometry[0]]
+        only = next(iter(scene.geometry.values()))
+        if isinstance(only, trimesh.Trimesh) and np.array_equal(placed, np.eye(4)):
+            # As it stands: flattening a scene would drop the file's normals.
+            return only
+    whole: trimesh.Trimesh = scene.to_mesh()
+    return whole
 
 
 def _model(record: Record, folder: Path) -> ObjectModel:

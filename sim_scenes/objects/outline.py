@@ -48,7 +48,7 @@ def superellipse(
 
     `strength` in [0, 1] says how far the outline is from the circle at each height.
     """
-    count = sections_for(1.6 * radius_m)
+    count = sections_for(2.2 * radius_m)
     angle = _angles(count)
     shape = (np.abs(np.cos(angle)) ** exponent + np.abs(np.sin(angle)) ** exponent) ** (
         -1.0 / exponent
@@ -60,7 +60,7 @@ def lobed(
     radius_m: float, *, lobes: int, depth: float, strength: Callable[[float], float] = full
 ) -> Ring:
     """Scalloped outline r (1 - depth (1 - cos(n angle)) / 2): its lobes touch the circle."""
-    per_lobe = max(8, 2 * int(np.ceil(sections_for(1.4 * radius_m) / (2 * lobes))))
+    per_lobe = max(8, 2 * int(np.ceil(sections_for(2 * radius_m) / (2 * lobes))))
     angle = _angles(lobes * per_lobe)
     return polar(1.0 - 0.5 * depth * (1.0 - np.cos(lobes * angle)), strength=strength)
 

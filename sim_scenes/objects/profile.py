@@ -25,6 +25,8 @@ ARC_SEGMENTS = 40
 CLEAN_MM = 2e-3
 # Offsets of nearly touching edges leave specks below this area.
 SPECK_MM2 = 0.05
+# Points this near the lowest one belong to the base.
+LEVEL_M = 2e-6
 # Simplification keeps profiles this close to the drawn curve, and their edges this short.
 PROFILE_TOLERANCE_M = 0.13e-3
 PROFILE_EDGE_M = 16e-3
@@ -104,11 +106,32 @@ def _split_at_axis(contour: Floats) -> list[Floats]:
 
 
 def _resample(curve: Floats) -> Floats:
-    """Drop points that add nothing, cut long edges; the ends stay."""
-    kept = simplify(curve, tolerance_m=PROFILE_TOLERANCE_M)
+    """Drop points that add nothing, cut long edges; the ends and what the body stands on stay."""
+    curve, anchors = _level_base(curve)
+    pieces = [
+        simplify(curve[a : b + 1], tolerance_m=PROFILE_TOLERANCE_M)[:-1]
+        for a, b in pairwise(anchors)
+    ]
+    kept = np.concatenate([*pieces, curve[-1:]])
     # A ring next to the axis would collapse on the grid.
     kept = np.concatenate([kept[:1], kept[1:-1][kept[1:-1, 0] > 0.1e-3], kept[-1:]])
     return subdivide(kept, edge_m=PROFILE_EDGE_M)
+
+
+def _level_base(curve: Floats) -> tuple[Floats, list[int]]:
+    """Level the lowest points, and list the points that thinning must keep.
+
+    Without the outer end of a flat base, a body would stand on the tip of a shallow cone.
+    """
+    low = curve[:, 1] - curve[:, 1].min() < LEVEL_M
+    levelled = curve.copy()
+    levelled[low, 1] = curve[:, 1].min()
+    # The flat floor inside ends at the axis.
+    floor = np.abs(curve[:, 1] - curve[-1, 1]) < LEVEL_M
+    starts = [np.flatnonzero(run & ~np.roll(run, 1)) for run in (low, floor)]
+    stops = [np.flatnonzero(run & ~np.roll(run, -1)) for run in (low, floor)]
+    anchors = np.unique(np.concatenate([[0, len(curve) - 1], *starts, *stops]))
+    return levelled, [int(anchor) for anchor in anchors]
 
 
 def simplify(curve: Floats, *, tolerance_m: float) -> Floats:
