@@ -5,15 +5,18 @@ Vertex arrays would do for meshes, but PyBullet leaks them: 5 MB a scene.
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import functools
 import hashlib
 import itertools
 import os
 import shutil
 import tempfile
+import time
 from multiprocessing.util import Finalize
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
 from PIL import Image
@@ -22,15 +25,40 @@ if TYPE_CHECKING:
     from sim_scenes.geometry import Floats, Ints
     from sim_scenes.textures import Picture
 
+PREFIX = "sim_scenes-"
+LOCK = "in-use"
+# A folder this young may not have been locked yet.
+YOUNG_S = 60.0
+
 _texture_numbers = itertools.count()
 
 
 @functools.cache
 def _folder_of(process: int) -> Path:
-    folder = Path(tempfile.mkdtemp(prefix=f"sim_scenes-{process}-"))
-    # Unlike atexit this also runs when a pool's worker ends, and not in a forked child.
-    Finalize(None, shutil.rmtree, args=(folder,), kwargs={"ignore_errors": True}, exitpriority=0)
+    """Make a folder that goes when this process ends or, if it is killed, with a later one."""
+    remove_orphans()
+    folder = Path(tempfile.mkdtemp(prefix=f"{PREFIX}{process}-"))
+    lock = (folder / LOCK).open("w", encoding="ascii")
+    fcntl.flock(lock, fcntl.LOCK_EX)
+    # Unlike atexit this also runs when a pool's worker ends, and not in a forked child. It holds
+    # on to the lock as well.
+    Finalize(None, _remove, args=(folder, lock), exitpriority=0)
     return folder
+
+
+def _remove(folder: Path, lock: IO[str]) -> None:
+    shutil.rmtree(folder, ignore_errors=True)
+    lock.close()
+
+
+def remove_orphans() -> None:
+    """Remove the folders of processes that were killed: nobody holds their locks."""
+    for path in Path(tempfile.gettempdir()).glob(f"{PREFIX}*/{LOCK}"):
+        # Another user's folder cannot be opened, a living process's lock not be had.
+        with contextlib.suppress(OSError), path.open("r+", encoding="ascii") as lock:
+            if time.time() - path.stat().st_mtime > YOUNG_S:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                shutil.rmtree(path.parent, ignore_errors=True)
 
 
 def scratch_folder() -> Path:
