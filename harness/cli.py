@@ -182,7 +182,8 @@ def assets(
         "[bold]Examples[/bold]\n\n"
         "A scene of the default benchmark:  [cyan]harness render --scene mug-0003[/cyan]\n\n"
         "A cluttered one:  [cyan]harness render --scene bowl-0001 --cluttered[/cyan]\n\n"
-        "As a run saw it:  [cyan]harness render --scene mug-0000 --config results/RUN/config.toml[/cyan]"
+        "As a run saw it:  "
+        "[cyan]harness render --scene mug-0000 --config results/RUN/config.toml[/cyan]"
     )
 )
 def render(

@@ -44,7 +44,7 @@ class View:
     focal: float = 1.6
 
     def project(self, points_world: Floats) -> Floats:
-        """Pixels (..., 2) of points (..., 3) before the viewer."""
+        """Project points (..., 3) before the viewer to pixels (..., 2)."""
         forward = self.focus_world - self.eye_world
         forward = forward / np.linalg.norm(forward)
         right = np.cross(forward, (0.0, 0.0, 1.0))
@@ -52,7 +52,8 @@ class View:
         axes = np.stack([right, np.cross(forward, right), forward])
         local = (points_world - self.eye_world) @ axes.T
         width, height = self.size
-        return local[..., :2] / local[..., 2:] * self.focal * height + (width / 2, height / 2)
+        centre = np.array([width / 2, height / 2])
+        return np.asarray(local[..., :2] / local[..., 2:] * self.focal * height + centre)
 
 
 def draw_cubes(centres_world: Floats, colours: Picture, *, size_m: float, view: View) -> Picture:
@@ -93,7 +94,7 @@ def draw_cubes(centres_world: Floats, colours: Picture, *, size_m: float, view: 
     visible = np.abs(towards) > size_m / 2
     shades = (colours[:, None] * BRIGHTNESS[:, None]).astype(np.uint8)
     for cube, faces in enumerate(visible):
-        for axis in np.flatnonzero(faces):
-            outline = [tuple(corner) for corner in pixels[cube, axis].tolist()]
-            pen.polygon(outline, fill=tuple(shades[cube, axis].tolist()))
+        for face in np.flatnonzero(faces):
+            outline = [tuple(corner) for corner in pixels[cube, face].tolist()]
+            pen.polygon(outline, fill=tuple(shades[cube, face].tolist()))
     return np.asarray(image.resize(view.size, Image.Resampling.BOX))

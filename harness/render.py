@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -142,8 +143,7 @@ def render_pictures(scene: Scene, pipeline: Pipeline, *, folder: Path) -> SceneP
     pictures["montage"] = np.concatenate([*rows, fit_width(maps, width)], axis=0)
     files = {name: folder / f"{name}.png" for name in pictures}
     for name, path in files.items():
-        image = Image.fromarray(pictures[name])
-        write_atomically(path, lambda file, image=image: image.save(file, format="PNG"))
+        write_atomically(path, partial(Image.fromarray(pictures[name]).save, format="PNG"))
     return ScenePictures(folder=folder, files=tuple(files.values()), montage=files["montage"])
 
 
@@ -157,7 +157,7 @@ def colour_depth(depth_m: npt.NDArray[np.float32]) -> Picture:
 
 
 def overlay_mask(frame: Frame, scene: Scene) -> Picture:
-    """The grey image with each true instance in its category's colour."""
+    """Paint the grey image with each true instance in its category's colour."""
     grey = frame.rgb.mean(axis=-1, keepdims=True).repeat(3, axis=-1)
     if frame.instance_ids is not None:
         for item in scene.objects:
@@ -173,7 +173,7 @@ def draw_map(
     eye_world: npt.NDArray[np.float64],
     by_class: bool,
 ) -> Picture:
-    """The occupied voxels about the objects in 3-D, with each tracked object's id over it.
+    """Draw the occupied voxels about the objects in 3-D, with each tracked object's id over it.
 
     The viewer stands on the line from the objects to `eye_world` (3,), where the camera was.
     """
@@ -214,7 +214,7 @@ def draw_map(
 
 
 def label(image: Picture, text: str) -> Picture:
-    """A copy of the image with a caption in its upper left corner."""
+    """Copy the image, with a caption in its upper left corner."""
     picture = Image.fromarray(image)
     ImageDraw.Draw(picture).text(
         (8, 6),
@@ -228,6 +228,6 @@ def label(image: Picture, text: str) -> Picture:
 
 
 def fit_width(image: Picture, width: int) -> Picture:
-    """The image scaled to a width, its proportions kept."""
+    """Scale the image to a width, its proportions kept."""
     height = round(image.shape[0] * width / image.shape[1])
     return np.asarray(Image.fromarray(image).resize((width, height)))

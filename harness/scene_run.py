@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -53,21 +53,20 @@ class StageClock:
 
 
 def scene_spec(job: SceneJob, config: Config) -> SceneSpec:
-    """The family of scenes that a job's scene is drawn from."""
+    """Describe the family of scenes that a job's scene is drawn from."""
     scenes = config.scenes
     noise = DepthNoise(**scenes.depth_noise.model_dump())
-    settings = {
-        "views": scenes.views,
-        "image_size": (scenes.width, scenes.height),
-        "depth_noise": noise,
-    }
-    if job.cluttered:
-        return SceneSpec.clutter(models=(job.object_name,), **settings)
-    return SceneSpec(models=(job.object_name,), **settings)
+    family = SceneSpec.clutter if job.cluttered else SceneSpec
+    return family(
+        models=(job.object_name,),
+        views=scenes.views,
+        image_size=(scenes.width, scenes.height),
+        depth_noise=noise,
+    )
 
 
 def variants(config: Config) -> list[Variant]:
-    """What every scene compares: the rows that a failed scene leaves empty."""
+    """List what every scene compares: the rows that a failed scene leaves empty."""
     pipeline = Pipeline(config.pipeline_json())
     return [
         Variant(model=model, completion=COMPLETION, segmenter=pipeline.segmenter)
@@ -175,19 +174,19 @@ def evaluate_scene(
                 )
                 for tolerance_m in protocol.tolerances_m
             ]
-    for stage, model, seconds in pipeline.timings():
-        clock.add(stage, seconds, model=model)
+    for stage, of_model, seconds in pipeline.timings():
+        clock.add(stage, seconds, model=of_model)
     return records
 
 
 def mesh_truth(item: SceneObject) -> MeshTruth:
-    """An object's true mesh in the world, ready to be measured against."""
+    """Prepare an object's true mesh, in the world, to be measured against."""
     vertices, faces = item.mesh_world()
     return MeshTruth(np.ascontiguousarray(vertices), faces.astype(np.uint32))
 
 
 def find_mapped(mapped: list[MappedObject], target: SceneObject) -> MappedObject:
-    """The mapped object that stands where the target truly is.
+    """Find the mapped object that stands where the target truly is.
 
     Its observed points must centre within the target's bounding sphere; of several the nearest
     is taken. The category is not asked for: a wrong one costs the scores what it should.
@@ -208,7 +207,7 @@ def score(
     truth: npt.NDArray[np.bool_],
     target: SceneObject,
     training: TrainingSet,
-    identity: dict[str, object],
+    identity: dict[str, Any],
 ) -> Record:
     """Score one model's predictions at one tolerance.
 
@@ -240,7 +239,7 @@ def score(
     free_process = predictions.hyperparameters["free"]
     return Record(
         **identity,
-        **{name: value for name, value in metrics.items() if name in names},
+        **cast("dict[str, Any]", {name: metrics[name] for name in metrics.keys() & names}),
         score_aurc=by_variance["aurc"],
         test_points=len(truth),
         object_training_points=int(np.count_nonzero(training.classes)),

@@ -140,7 +140,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     torch.set_num_threads(options.threads)
     points, labels, test = training_problem(options.training_points, options.test_points)
-    hyperparameters = {
+    hyperparameters: dict[str, Any] = {
         "lengthscales": np.full(2, LENGTHSCALE_M),
         "outputscales": np.full(2, OUTPUTSCALE),
         "means": np.array(MEANS),
@@ -153,8 +153,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return gp_log_likelihood(points=points, labels=labels, **hyperparameters)
 
     peer_posterior, peer_likelihood = peer_calls(points, labels, test)
-    for ours, theirs in zip(our_posterior(), peer_posterior(), strict=True):
-        np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-8)
+    for value, reference in zip(our_posterior(), peer_posterior(), strict=True):
+        np.testing.assert_allclose(value, reference, rtol=1e-6, atol=1e-8)
     np.testing.assert_allclose(our_likelihood()[0], peer_likelihood(), rtol=1e-8)
 
     print(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pytest
-from scipy.spatial import ConvexHull  # type: ignore[import-untyped]
+from scipy.spatial import ConvexHull
 
 from sim_scenes.objects import CATEGORIES, ObjectError, ObjectModel
 from sim_scenes.objects.bowl import BowlParams, Outline, Rim, Style

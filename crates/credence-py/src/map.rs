@@ -16,7 +16,7 @@ type LeafArrays<'py> = (
     Bound<'py, PyArray1<f32>>,
 );
 
-/// OctoMap's occupancy octree.
+/// `OctoMap`'s occupancy octree.
 #[pyclass(name = "OccupancyMap", module = "harness._native")]
 pub(crate) struct PyOccupancyMap(pub(crate) OccupancyMap);
 
