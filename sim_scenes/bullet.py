@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import os
+import sys
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from sim_scenes.errors import SimulatorMissing
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 TIME_STEP_S = 1 / 240
 
@@ -20,10 +26,26 @@ def require_pybullet() -> Any:
         If it is not installed; the message says for which Python it can be.
     """
     try:
-        import pybullet
+        with _quiet_stderr():
+            import pybullet
     except ImportError as error:
         raise SimulatorMissing from error
     return pybullet
+
+
+@contextmanager
+def _quiet_stderr() -> Iterator[None]:
+    """Drop what the block prints: PyBullet greets with its build time, in the midst of our lines."""
+    sys.stderr.flush()
+    kept = os.dup(2)
+    with Path(os.devnull).open("wb") as nowhere:
+        os.dup2(nowhere.fileno(), 2)
+    try:
+        yield
+    finally:
+        sys.stderr.flush()
+        os.dup2(kept, 2)
+        os.close(kept)
 
 
 @dataclass
