@@ -35,7 +35,7 @@ def require_pybullet() -> Any:
 
 @contextmanager
 def _quiet_stderr() -> Iterator[None]:
-    """Drop what the block prints: PyBullet greets with its build time, in the midst of our lines."""
+    """Drop what the block prints: PyBullet greets with its build time amid our lines."""
     sys.stderr.flush()
     kept = os.dup(2)
     with Path(os.devnull).open("wb") as nowhere:
