@@ -136,10 +136,9 @@ class BenchResult:
 class RunInterruptedError(Exception):
     """A person stopped the run; its finished scenes are kept."""
 
-    def __init__(self, *, folder: Path, finished: int, scenes: int) -> None:
+    def __init__(self, *, finished: int, scenes: int, resume: str) -> None:
         super().__init__(
-            f"interrupted: {finished} of {scenes} scenes are kept; "
-            f"continue with `harness bench --out {folder}`"
+            f"interrupted: {finished} of {scenes} scenes are kept; continue with `{resume}`"
         )
 
 
@@ -175,10 +174,18 @@ def run_bench(
         with progress.watch(folder=run.folder, scenes=len(jobs), finished=len(finished)):
             for note in notes:
                 progress.note(note)
-            failures = _compute(
-                run, jobs, finished, config=config, wiring=wiring, progress=progress
+            failures = compute_scenes(
+                run,
+                jobs,
+                finished,
+                config=config,
+                scene_function=wiring.scene_function,
+                progress=progress,
+                resume=f"harness bench --out {run.folder}",
             )
-        table = _conclude(run, jobs, finished, failures, config=config, wiring=wiring)
+        failed = [(job, config.scenes.views) for job in jobs if job.scene_id in failures]
+        lost = failed_records(failed, failures, config=config, wiring=wiring)
+        table = conclude_run(run, finished, lost, config=config)
     return BenchResult(
         folder=run.folder,
         table=table,
@@ -226,23 +233,56 @@ def resolve_config(options: BenchOptions, *, check_pipeline: PipelineCheck | Non
     )
 
 
-def _compute(
+def scene_problem(records: Sequence[Record], job: SceneJob) -> str | None:
+    """Say what is wrong with the records that a scene function returned."""
+    if not records:
+        return "the scene function returned no record"
+    keys = [record.key() for record in records]
+    if len(set(keys)) < len(keys):
+        return "the scene function returned two records of one model, completion and tolerance"
+    if any((row.scene_id, row.seed) != (job.scene_id, job.seed) for row in records):
+        return "the scene function returned another scene's records"
+    return None
+
+
+def compute_scenes(
     run: RunDirectory,
     jobs: Sequence[SceneJob],
     finished: dict[str, SceneResult],
     *,
     config: Config,
-    wiring: Wiring,
+    scene_function: str,
     progress: Progress,
+    resume: str,
+    problem_of: Callable[[Sequence[Record], SceneJob], str | None] = scene_problem,
 ) -> dict[str, str]:
-    """Compute the scenes that are not finished; adds to `finished`, returns the failures."""
+    """Compute on workers the scenes that are not finished.
+
+    Parameters
+    ----------
+    run
+        Keeps each scene as it is done.
+    finished
+        By scene id; what is computed is added.
+    scene_function
+        ``package.module:name`` of ``(SceneJob, Config) -> SceneResult``.
+    resume
+        The command that continues the run, for the message of an interruption.
+    problem_of
+        Says what is wrong with a scene's records, None where nothing is.
+
+    Returns
+    -------
+    failures
+        Why each failed scene failed, by scene id.
+    """
     failures: dict[str, str] = {}
     waiting = [job for job in jobs if job.scene_id not in finished]
     if not waiting:
         return failures
     cores = core_count()
     pool = ScenePool(
-        target=wiring.scene_function,
+        target=scene_function,
         arguments=(config,),
         workers=min(config.run.workers or cores, len(waiting)),
         cores=cores,
@@ -254,7 +294,7 @@ def _compute(
                 match event:
                     case SceneDone(job=job, seconds=seconds) as done:
                         result = _with_timing(done)
-                        if problem := _problem(result.records, job):
+                        if problem := problem_of(result.records, job):
                             failures[job.scene_id] = problem
                             progress.scene_failed(job.scene_id, problem)
                             continue
@@ -269,13 +309,10 @@ def _compute(
                             f"worker {reason} at {job.scene_id}; trying it once more (log: {log})"
                         )
     except KeyboardInterrupt:
-        raise RunInterruptedError(
-            folder=run.folder, finished=len(finished), scenes=len(jobs)
-        ) from None
+        raise RunInterruptedError(finished=len(finished), scenes=len(jobs), resume=resume) from None
     except DiskError as error:
         raise DiskError(
-            f"{error}; {len(finished)} of {len(jobs)} scenes are kept, "
-            f"continue with `harness bench --out {run.folder}`"
+            f"{error}; {len(finished)} of {len(jobs)} scenes are kept, continue with `{resume}`"
         ) from error
     return failures
 
@@ -293,44 +330,40 @@ def _with_timing(done: SceneDone) -> SceneResult:
     return SceneResult(done.result.records, [*stages, whole])
 
 
-def _problem(records: Sequence[Record], job: SceneJob) -> str | None:
-    """Say what is wrong with the records that a scene function returned."""
-    if not records:
-        return "the scene function returned no record"
-    keys = [record.key() for record in records]
-    if len(set(keys)) < len(keys):
-        return "the scene function returned two records of one model, completion and tolerance"
-    if any((row.scene_id, row.seed) != (job.scene_id, job.seed) for row in records):
-        return "the scene function returned another scene's records"
-    return None
-
-
-def _conclude(
-    run: RunDirectory,
-    jobs: Sequence[SceneJob],
-    finished: Mapping[str, SceneResult],
+def failed_records(
+    failed: Sequence[tuple[SceneJob, int]],
     failures: Mapping[str, str],
     *,
     config: Config,
     wiring: Wiring,
+) -> list[Record]:
+    """Make the records of lost scenes, which are given with their number of views."""
+    if not failed:
+        return []
+    variants: Sequence[Variant] = load_target(wiring.variants_function)(config)
+    return [
+        Record.failed(
+            job,
+            variant=variant,
+            views=views,
+            tolerance_m=tolerance_m,
+            failure=failures[job.scene_id],
+        )
+        for job, views in failed
+        for variant in variants
+        for tolerance_m in config.protocol.tolerances_m
+    ]
+
+
+def conclude_run(
+    run: RunDirectory,
+    finished: Mapping[str, SceneResult],
+    lost: Sequence[Record],
+    *,
+    config: Config,
 ) -> Table:
-    """Write records, timings and tables of all scenes."""
-    records = [record for result in finished.values() for record in result.records]
-    if failures:
-        variants: Sequence[Variant] = load_target(wiring.variants_function)(config)
-        records += [
-            Record.failed(
-                job,
-                variant=variant,
-                views=config.scenes.views,
-                tolerance_m=tolerance_m,
-                failure=failures[job.scene_id],
-            )
-            for job in jobs
-            if job.scene_id in failures
-            for variant in variants
-            for tolerance_m in config.protocol.tolerances_m
-        ]
+    """Write records, timings and tables of all scenes, finished and lost."""
+    records = [*(record for result in finished.values() for record in result.records), *lost]
     write_records(records, run.records_path)
     write_timings(
         [timing for result in finished.values() for timing in result.timings], run.timings_path

@@ -257,13 +257,13 @@ TIMING_SCHEMA = _schema(Timing)
 def write_records(records: Iterable[Record], path: Path) -> None:
     """Write records as Parquet, in the order of their keys."""
     rows = [asdict(record) for record in sorted(records, key=Record.key)]
-    _write_parquet(pl.DataFrame(rows, schema=RECORD_SCHEMA), path)
+    write_parquet(pl.DataFrame(rows, schema=RECORD_SCHEMA), path)
 
 
 def write_timings(timings: Iterable[Timing], path: Path) -> None:
     """Write timings as Parquet, by scene and in the order in which the stages ran."""
     rows = [asdict(timing) for timing in sorted(timings, key=lambda timing: timing.scene_id)]
-    _write_parquet(pl.DataFrame(rows, schema=TIMING_SCHEMA), path)
+    write_parquet(pl.DataFrame(rows, schema=TIMING_SCHEMA), path)
 
 
 def read_records(path: Path) -> list[Record]:
@@ -284,7 +284,8 @@ def read_timings(path: Path) -> list[Timing]:
     return [Timing(**row) for row in frame.to_dicts()]
 
 
-def _write_parquet(frame: pl.DataFrame, path: Path) -> None:
+def write_parquet(frame: pl.DataFrame, path: Path) -> None:
+    """Write a table atomically, and as the same bytes wherever it is written."""
     # Every setting that shapes the bytes is spelt out, so that a new default cannot. They go
     # through memory because polars reports a full disk in its own way.
     content = io.BytesIO()
