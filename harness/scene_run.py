@@ -105,7 +105,6 @@ def run_scene(job: SceneJob, config: Config) -> SceneResult:
 def map_scene(scene: Scene, *, config: Config) -> Pipeline:
     """Feed a scene's frames to a new pipeline, in order."""
     pipeline = Pipeline(config.pipeline_json())
-    categories = {item.instance_id: item.category for item in scene.objects}
     for frame in scene.frames:
         camera = frame.intrinsics
         pipeline.add_frame(
@@ -114,7 +113,7 @@ def map_scene(scene: Scene, *, config: Config) -> Pipeline:
             intrinsics=(camera.fx, camera.fy, camera.cx, camera.cy),
             world_from_camera=frame.world_from_camera,
             instance_ids=frame.instance_ids,
-            categories=categories,
+            categories=scene.categories,
         )
     return pipeline
 

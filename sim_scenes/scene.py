@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +12,8 @@ import numpy.typing as npt
 from sim_scenes.geometry import Floats, Ints, apply
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from sim_scenes.camera import Intrinsics
     from sim_scenes.spec import SceneSpec
 
@@ -81,6 +83,8 @@ class Scene:
         In the order they were taken.
     objects
         In order of instance id; the target is the first. Empty where there is no truth.
+    bare
+        Category by instance id of what has masks but no mesh, so that nothing can be scored on it.
     name
         Unique in its dataset.
     redraws
@@ -98,6 +102,12 @@ class Scene:
     spec: SceneSpec | None = None
     seed: int | None = None
     notes: tuple[str, ...] = ()
+    bare: Mapping[int, str] = field(default_factory=dict)
+
+    @property
+    def categories(self) -> dict[int, str]:
+        """Category by instance id of all that the masks show."""
+        return {**{item.instance_id: item.category for item in self.objects}, **self.bare}
 
     @property
     def redraw_count(self) -> int:
@@ -109,8 +119,8 @@ class Scene:
         state = hashlib.blake2b(digest_size=16)
         parts: tuple[Frame | SceneObject, ...] = (*self.frames, *self.objects)
         for part in parts:
-            for field in fields(part):
-                _feed(state, getattr(part, field.name))
+            for item in fields(part):
+                _feed(state, getattr(part, item.name))
         _feed(state, (self.redraws, self.spec, self.seed))
         return state.hexdigest()
 

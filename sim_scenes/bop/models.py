@@ -67,9 +67,18 @@ class Model:
 
 
 class ModelFolder:
-    """The models of a dataset, loaded when they are first asked for."""
+    """The models of a dataset, loaded when they are first asked for.
 
-    def __init__(self, root: Path) -> None:
+    Parameters
+    ----------
+    root
+        Of the dataset.
+    category
+        Of the objects that the dataset gives none.
+    """
+
+    def __init__(self, root: Path, *, category: str | None = None) -> None:
+        self._category = category
         folders = (root / name for name in MODEL_FOLDERS)
         self._folder = next((folder for folder in folders if folder.is_dir()), None)
         self._infos: dict[int, Any] | None = None
@@ -81,15 +90,24 @@ class ModelFolder:
             self._models[object_id] = self._load(object_id)
         return self._models[object_id]
 
+    def category(self, object_id: int) -> str | None:
+        """Category of an object, known without its mesh too; None where nothing says it."""
+        category = self._info(object_id).get("category")
+        return category if category in CATEGORIES else self._category
+
+    def common_category(self) -> str | None:
+        """Return the one category that every object of the dataset is of, if there is one."""
+        categories = {self.category(object_id) for object_id in self._all_infos()}
+        return categories.pop() if len(categories) == 1 else self._category
+
     def _load(self, object_id: int) -> Model | str:
         if self._folder is None:
             return "the dataset has no models"
         path = self._folder / f"obj_{object_id:06d}.ply"
         if not path.is_file():
             return f"{path.name} is missing"
-        info = self._info(object_id)
-        category = info.get("category")
-        if category not in CATEGORIES:
+        category = self.category(object_id)
+        if category is None:
             return f"models_info.json gives it no category of {', '.join(CATEGORIES)}"
         try:
             mesh: Any = trimesh.load(path, force="mesh", process=False)
@@ -102,12 +120,15 @@ class ModelFolder:
             raise BopError(f"{path}: has no faces or vertices that are not finite; re-export it")
         if faces.min() < 0 or faces.max() >= len(vertices):
             raise BopError(f"{path}: a face names a vertex that is not there; re-export it")
-        name = str(info.get("name", path.stem))
+        name = str(self._info(object_id).get("name", path.stem))
         return Model(name, category, vertices.astype(np.float32).astype(np.float64), faces)
 
     def _info(self, object_id: int) -> dict[str, Any]:
-        assert self._folder is not None
-        path = self._folder / "models_info.json"
+        where = f"{self._folder}/models_info.json: object {object_id}"
+        return table_of(self._all_infos().get(object_id, {}), where=where)
+
+    def _all_infos(self) -> dict[int, Any]:
         if self._infos is None:
-            self._infos = read_numbered(path) if path.is_file() else {}
-        return table_of(self._infos.get(object_id, {}), where=f"{path}: object {object_id}")
+            path = None if self._folder is None else self._folder / "models_info.json"
+            self._infos = read_numbered(path) if path is not None and path.is_file() else {}
+        return self._infos

@@ -24,6 +24,7 @@ from sim_scenes.bop.truth import SceneTruth
 from sim_scenes.camera import Intrinsics
 from sim_scenes.errors import BopError, SpecError
 from sim_scenes.geometry import Floats, inverse
+from sim_scenes.objects import CATEGORIES
 from sim_scenes.scene import Frame, Scene
 from sim_scenes.sensor import metres_from_raw
 from sim_scenes.spec import SceneSpec
@@ -103,7 +104,9 @@ class BopDataset:
             yield from self.read_scene(scene_id)
 
 
-def open_bop(folder: Path | str, *, split: str | None = None) -> BopDataset:
+def open_bop(
+    folder: Path | str, *, split: str | None = None, category: str | None = None
+) -> BopDataset:
     """Find the scenes of a dataset.
 
     Parameters
@@ -112,20 +115,24 @@ def open_bop(folder: Path | str, *, split: str | None = None) -> BopDataset:
         Root of the dataset, or of one split.
     split
         Which split; may be left out where there is only one.
+    category
+        Category of the objects that the dataset gives none, one of the six of NOCS.
     """
+    if category is not None and category not in CATEGORIES:
+        raise BopError(f"category is '{category}'; choose one of {', '.join(CATEGORIES)}")
     root = Path(folder)
     if not root.is_dir():
         raise BopError(f"{root}: is not a folder; name the root of a BOP dataset")
     own_scenes = _scene_ids(root)
     if split is None and own_scenes:
-        return BopDataset(root, own_scenes, ModelFolder(root.parent))
+        return BopDataset(root, own_scenes, ModelFolder(root.parent, category=category))
     splits = {path.name: _scene_ids(path) for path in sorted(root.iterdir()) if path.is_dir()}
     splits = {name: scene_ids for name, scene_ids in splits.items() if scene_ids}
     if split is not None and split in splits:
-        return BopDataset(root / split, splits[split], ModelFolder(root))
+        return BopDataset(root / split, splits[split], ModelFolder(root, category=category))
     if split is None and len(splits) == 1:
         (name,) = splits
-        return BopDataset(root / name, splits[name], ModelFolder(root))
+        return BopDataset(root / name, splits[name], ModelFolder(root, category=category))
     if splits:
         raise BopError(f"{root}: split is {split!r}; choose one of {', '.join(sorted(splits))}")
     raise BopError(f"{root}: holds no scene, that is no SPLIT/000000/{CAMERA_FILE}")
@@ -172,13 +179,13 @@ class _SceneReader:
             raise BopError(f"{self.folder / 'depth'}: no image of scene {name} holds any depth")
         if self.truths is None:
             truth.notes.append(f"there is no {TRUTH_FILE}: nothing to score against")
-        if not truth.objects:
+        if not (truth.objects or truth.bare):
             frames = [_without_truth(frame) for frame in frames]
         objects = tuple(truth.objects[instance] for instance in sorted(truth.objects))
         scene_notes = (*notes, *truth.notes)
         path = self.folder / SOURCE_FILE
         if not path.is_file():
-            return Scene(tuple(frames), objects, name, notes=scene_notes)
+            return Scene(tuple(frames), objects, name, notes=scene_notes, bare=truth.bare)
         source = read_table(path)
         spec, seed, redraws = (source.get(key) for key in ("spec", "seed", "redraws"))
         if not isinstance(redraws, list) or not isinstance(seed, int | None):
@@ -195,6 +202,7 @@ class _SceneReader:
             spec=rebuilt,
             seed=seed,
             notes=scene_notes,
+            bare=truth.bare,
         )
 
     def _frame(self, image_id: int, pose: Floats, truth: SceneTruth) -> Frame:
@@ -211,8 +219,9 @@ class _SceneReader:
                 f"{where}: depth_scale is {scale}; millimetres a unit lie in (0, "
                 f"{MAX_DEPTH_SCALE_MM}]"
             )
-        instance_ids = None
-        if self.truths is not None:
+        if self.truths is None:
+            instance_ids = truth.read_masks(image_id, shape=(height, width))
+        else:
             instance_ids = truth.read_image(
                 image_id,
                 self.truths.get(image_id, []),

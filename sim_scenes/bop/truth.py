@@ -16,13 +16,14 @@ from sim_scenes.scene import SceneObject
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from sim_scenes.bop.models import Model, ModelFolder
+    from sim_scenes.bop.models import ModelFolder
     from sim_scenes.geometry import Floats
 
 # Annotations of one object in several images agree to well within this; further apart, two objects
 # of one model are meant.
 SAME_OBJECT_M = 0.02
 MAX_INSTANCES = 65535
+MASK_FOLDER = "mask_visib"
 
 
 @dataclass(eq=False)
@@ -37,6 +38,8 @@ class SceneTruth:
         Where the meshes come from.
     objects
         Found so far, by instance id.
+    bare
+        Category by instance id of what has no mesh.
     notes
         What was left out, and why; each once.
     """
@@ -44,7 +47,10 @@ class SceneTruth:
     scene: Path
     models: ModelFolder
     objects: dict[int, SceneObject] = field(default_factory=dict)
+    bare: dict[int, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    # Model and origin in the world of each instance met.
+    _places: dict[int, tuple[int, Floats]] = field(default_factory=dict)
 
     def read_image(
         self,
@@ -68,6 +74,25 @@ class SceneTruth:
             instances.append(found)
         return self._mask(image_id, instances, shape=shape)
 
+    def read_masks(self, image_id: int, *, shape: tuple[int, int]) -> npt.NDArray[np.uint16] | None:
+        """Mask (h, w) of an image of which nothing but masks is known.
+
+        An instance id says nothing across images then; the category is the dataset's only one.
+        """
+        folder = self.scene / MASK_FOLDER
+        if not folder.is_dir():
+            return None
+        category = self.models.common_category()
+        if category is None:
+            self._note("there are masks, but nothing says of which category their objects are")
+            return None
+        ids = np.zeros(shape, dtype=np.uint16)
+        paths = sorted(folder.glob(f"{image_id:06d}_*.png"))
+        for instance, path in enumerate(paths, start=1):
+            ids[read_mask(path, shape=shape)] = instance
+            self.bare[instance] = category
+        return ids
+
     def _instance(
         self,
         entry: dict[str, Any],
@@ -82,8 +107,11 @@ class SceneTruth:
             entry, rotation="cam_R_m2c", translation="cam_t_m2c", where=where
         )
         model = self.models.get(object_id)
+        category = self.models.category(object_id)
         if isinstance(model, str):
-            self._note(f"object {object_id} is left out: {model}")
+            left_out = "left out" if category is None else "not scored"
+            self._note(f"object {object_id} is {left_out}: {model}")
+        if category is None:
             return 0
         if "world_from_object" in entry:
             pose = pose_exact(entry, "world_from_object", where=where)
@@ -96,8 +124,11 @@ class SceneTruth:
                     f"{where}: instance_id is {instance}; ids count from 1, each once an image"
                 )
         else:
-            instance = self._match(model, pose, taken=taken)
-        if instance not in self.objects:
+            instance = self._match(object_id, pose, taken=taken)
+        self._places.setdefault(instance, (object_id, pose[:3, 3]))
+        if isinstance(model, str):
+            self.bare[instance] = category
+        elif instance not in self.objects:
             self.objects[instance] = SceneObject(
                 instance_id=instance,
                 name=model.name,
@@ -108,29 +139,31 @@ class SceneTruth:
             )
         return instance
 
-    def _match(self, model: Model, pose: Floats, *, taken: list[int]) -> int:
+    def _match(self, object_id: int, pose: Floats, *, taken: list[int]) -> int:
         """Id of the nearest known object of this model, or a new one."""
         distances = {
-            instance: float(np.linalg.norm(item.world_from_object[:3, 3] - pose[:3, 3]))
-            for instance, item in self.objects.items()
-            if item.vertices is model.vertices and instance not in taken
+            instance: float(np.linalg.norm(origin - pose[:3, 3]))
+            for instance, (known_id, origin) in self._places.items()
+            if known_id == object_id and instance not in taken
         }
         near = {instance: d for instance, d in distances.items() if d <= SAME_OBJECT_M}
         if near:
             return min(near, key=lambda instance: (near[instance], instance))
         if distances:
             self._note(
-                f"{model.name} stands more than {SAME_OBJECT_M} m apart in two images: "
+                f"object {object_id} stands more than {SAME_OBJECT_M} m apart in two images: "
                 "taken for two objects"
             )
-        return max(self.objects, default=0) + 1
+        return max(self._places, default=0) + 1
 
     def _mask(
         self, image_id: int, instances: list[int], *, shape: tuple[int, int]
     ) -> npt.NDArray[np.uint16] | None:
-        folder = self.scene / "mask_visib"
+        folder = self.scene / MASK_FOLDER
         if not folder.is_dir():
-            self._note("there is no folder mask_visib: which pixels are an object's is not known")
+            self._note(
+                f"there is no folder {MASK_FOLDER}: which pixels are an object's is not known"
+            )
             return None
         ids = np.zeros(shape, dtype=np.uint16)
         for gt_id, instance in enumerate(instances):
