@@ -41,16 +41,16 @@ impl Fitted {
         model: ModelChoice,
         config: &GpConfig,
     ) -> Result<Self, PipelineError> {
-        let mut classes = training.classes.clone();
+        let mut classes = training.classes().to_vec();
         classes.sort_unstable();
         classes.dedup();
         let labels: Vec<usize> = training
-            .classes
+            .classes()
             .iter()
             .map(|class| classes.partition_point(|c| c < class))
             .collect();
         let set = GpSet::new(
-            gp_points("training points", &training.points_world)?,
+            gp_points("training points", training.points_world())?,
             &labels,
             classes.len(),
         )?;
@@ -161,10 +161,11 @@ mod tests {
     #[test]
     fn the_nearer_class_wins_and_the_segmenter_scales_the_confidence() {
         let points = |x: f64| (0..8).map(move |i| Point::new(x, 0.01 * f64::from(i), 0.0));
-        let training = TrainingSet {
-            points_world: points(0.0).chain(points(0.1)).collect(),
-            classes: [[Category::Mug.class(); 8], [0; 8]].concat(),
-        };
+        let training = TrainingSet::new(
+            points(0.0).chain(points(0.1)).collect(),
+            [[Category::Mug.class(); 8], [0; 8]].concat(),
+        )
+        .unwrap();
         let test = [Point::new(0.0, 0.035, 0.0), Point::new(0.1, 0.035, 0.0)];
         let ask = |segmenter_score| {
             Fitted::new(&training, ModelChoice::Classic, &GpConfig::default())
@@ -179,6 +180,9 @@ mod tests {
         assert_eq!(sure.points[0].confidence, sure.probabilities[1]);
         assert!(sure.points[0].confidence > 0.8 && sure.points[1].confidence < 0.2);
         assert_eq!(sure.clamped_share, 0.0);
-        assert_eq!(ask(0.5).points[0].confidence, 0.5 * sure.points[0].confidence);
+        assert_eq!(
+            ask(0.5).points[0].confidence,
+            0.5 * sure.points[0].confidence
+        );
     }
 }

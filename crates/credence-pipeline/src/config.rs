@@ -38,7 +38,7 @@ pub enum ModelChoice {
 
 /// Names that a configuration spells an enum's values by.
 macro_rules! named_by_serde {
-    ($choice:ty) => {
+    ($choice:ty, $what:literal) => {
         impl fmt::Display for $choice {
             fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 self.serialize(f)
@@ -49,16 +49,24 @@ macro_rules! named_by_serde {
             type Err = PipelineError;
 
             fn from_str(name: &str) -> Result<Self, Self::Err> {
-                serde_json::from_value(Value::String(name.to_owned()))
-                    .map_err(|err| PipelineError::Config(err.to_string()))
+                serde_json::from_value(Value::String(name.to_owned())).map_err(|err| {
+                    PipelineError::Choice {
+                        what: $what,
+                        why: err.to_string(),
+                    }
+                })
             }
         }
     };
 }
 
-named_by_serde!(SegmenterChoice);
-named_by_serde!(ModelChoice);
-named_by_serde!(SmoothnessChoice);
+named_by_serde!(SegmenterChoice, "segmenter");
+named_by_serde!(ModelChoice, "model");
+named_by_serde!(SmoothnessChoice, "smoothness");
+
+/// Most training points: the classifier's memory grows with their square, and 50,000 fill 20 GB
+/// per class.
+const MAX_POINTS: usize = 50_000;
 
 /// Smoothness of the Matérn kernel by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -87,7 +95,10 @@ pub struct MapConfig {
 
 impl Default for MapConfig {
     fn default() -> Self {
-        Self { resolution_m: 0.005, max_range_m: 2.0 }
+        Self {
+            resolution_m: 0.005,
+            max_range_m: 2.0,
+        }
     }
 }
 
@@ -108,7 +119,12 @@ pub struct TrainingConfig {
 
 impl Default for TrainingConfig {
     fn default() -> Self {
-        Self { points: 3600, object_share: 0.5, free_margin_m: 0.01, box_padding_m: 0.03 }
+        Self {
+            points: 3600,
+            object_share: 0.5,
+            free_margin_m: 0.01,
+            box_padding_m: 0.03,
+        }
     }
 }
 
@@ -148,10 +164,13 @@ impl Config {
         let value: Value =
             serde_json::from_str(text).map_err(|err| PipelineError::Config(err.to_string()))?;
         let Value::Object(found) = &value else {
-            return Err(PipelineError::Config("expected a table of settings".to_owned()));
+            return Err(PipelineError::Config(
+                "expected a table of settings".to_owned(),
+            ));
         };
         if let Ok(Value::Object(known)) = serde_json::to_value(Self::default()) {
             refuse_unknown_keys("", found, &known)?;
+            refuse_misfits(&mut Vec::new(), found, &known)?;
         }
         let config: Self =
             serde_json::from_value(value).map_err(|err| PipelineError::Config(err.to_string()))?;
@@ -164,22 +183,37 @@ impl Config {
             if value.is_finite() && value > 0.0 {
                 return Ok(());
             }
-            Err(PipelineError::Config(format!("{key} is {value}; it must be positive")))
+            Err(PipelineError::Config(format!(
+                "{key} is {value}; it must be positive"
+            )))
         };
         positive("map.resolution_m", self.map.resolution_m)?;
         positive("map.max_range_m", self.map.max_range_m)?;
         positive("training.free_margin_m", self.training.free_margin_m)?;
         positive("training.box_padding_m", self.training.box_padding_m)?;
-        let TrainingConfig { points, object_share, .. } = self.training;
+        let TrainingConfig {
+            points,
+            object_share,
+            ..
+        } = self.training;
         if !(object_share > 0.0 && object_share < 1.0) {
             return Err(PipelineError::Config(format!(
                 "training.object_share is {object_share}; it must lie strictly between 0 and 1"
             )));
         }
-        for (key, value) in [("training.points", points), ("gp.fit_points", self.gp.fit_points)] {
+        for (key, value) in [
+            ("training.points", points),
+            ("gp.fit_points", self.gp.fit_points),
+        ] {
             if value < 2 {
                 return Err(PipelineError::Config(format!(
                     "{key} is {value}; it must be at least 2, one for each class"
+                )));
+            }
+            if value > MAX_POINTS {
+                return Err(PipelineError::Config(format!(
+                    "{key} is {value}; it must be at most {MAX_POINTS}, as the classifier's \
+                     memory grows with its square"
                 )));
             }
         }
@@ -187,6 +221,13 @@ impl Config {
             return Err(PipelineError::Config(
                 "gp.models is empty; name at least one, such as [\"classic\"]".to_owned(),
             ));
+        }
+        let models = &self.gp.models;
+        if let Some(twice) = (1..models.len()).find(|i| models[..*i].contains(&models[*i])) {
+            return Err(PipelineError::Config(format!(
+                "gp.models names {} twice; list each model once",
+                models[twice]
+            )));
         }
         Ok(())
     }
@@ -207,7 +248,9 @@ fn refuse_unknown_keys(
                         strsim::jaro_winkler(a, key).total_cmp(&strsim::jaro_winkler(b, key))
                     })
                     .map_or_else(String::new, |near| format!("; did you mean {path}{near}?"));
-                return Err(PipelineError::Config(format!("unknown key {path}{key}{nearest}")));
+                return Err(PipelineError::Config(format!(
+                    "unknown key {path}{key}{nearest}"
+                )));
             }
             (Some(Value::Object(inner)), Value::Object(value)) => {
                 refuse_unknown_keys(&format!("{path}{key}."), value, inner)?;
@@ -216,6 +259,49 @@ fn refuse_unknown_keys(
         }
     }
     Ok(())
+}
+
+/// Tries every value by itself in the defaults' place, so that the one which does not fit is named.
+fn refuse_misfits<'a>(
+    path: &mut Vec<&'a str>,
+    found: &'a Map<String, Value>,
+    known: &Map<String, Value>,
+) -> Result<(), PipelineError> {
+    for (key, value) in found {
+        path.push(key);
+        match (known.get(key), value) {
+            (Some(Value::Object(inner)), Value::Object(value)) => {
+                refuse_misfits(path, value, inner)?;
+            }
+            _ => try_value(path, value)?,
+        }
+        path.pop();
+    }
+    Ok(())
+}
+
+fn try_value(path: &[&str], value: &Value) -> Result<(), PipelineError> {
+    let alone = path.iter().rfold(value.clone(), |inner, key| {
+        Value::Object(Map::from_iter([((*key).to_owned(), inner)]))
+    });
+    let Err(err) = serde_json::from_value::<Config>(alone) else {
+        return Ok(());
+    };
+    let why = err.to_string();
+    let expected = match why
+        .rsplit_once("expected ")
+        .map_or(why.as_str(), |(_, what)| what)
+    {
+        "usize" => "a whole number that is not negative",
+        "f64" => "a number",
+        "a sequence" => "a list",
+        table if table.starts_with("struct ") => "a table of settings",
+        other => other,
+    };
+    Err(PipelineError::Config(format!(
+        "{} is {value}; expected {expected}",
+        path.join(".")
+    )))
 }
 
 #[cfg(test)]
@@ -237,8 +323,53 @@ mod tests {
     #[test]
     fn a_misspelt_key_is_refused_with_the_nearest() {
         let text = r#"{"training": {"piont": 200}}"#;
-        assert!(message(text).ends_with("unknown key training.piont; did you mean training.points?"));
+        assert!(
+            message(text).ends_with("unknown key training.piont; did you mean training.points?")
+        );
         assert!(message(r#"{"segmentor": "oracle"}"#).ends_with("did you mean segmenter?"));
+    }
+
+    #[test]
+    fn values_of_another_type_are_refused_by_name() {
+        let ends = |text, end: &str| assert!(message(text).ends_with(end), "{}", message(text));
+        ends(
+            r#"{"map": {"resolution_m": 0.01}, "gp": {"fit_iterations": -1}}"#,
+            "configuration: gp.fit_iterations is -1; expected a whole number that is not negative",
+        );
+        ends(
+            r#"{"training": {"points": 1.5}}"#,
+            "points is 1.5; expected a whole number that is not negative",
+        );
+        ends(
+            r#"{"map": {"resolution_m": "5"}}"#,
+            "resolution_m is \"5\"; expected a number",
+        );
+        ends(r#"{"map": 5}"#, "map is 5; expected a table of settings");
+        ends(
+            r#"{"gp": {"models": "classic"}}"#,
+            "models is \"classic\"; expected a list",
+        );
+        ends(
+            r#"{"gp": {"models": ["classical"]}}"#,
+            "gp.models is [\"classical\"]; expected `classic`",
+        );
+        ends(
+            r#"{"gp": {"smoothness": "7/2"}}"#,
+            "smoothness is \"7/2\"; expected one of `1/2`, `3/2`, `5/2`",
+        );
+    }
+
+    #[test]
+    fn a_name_that_no_choice_has_says_what_was_chosen() {
+        let message = "metal".parse::<ModelChoice>().unwrap_err().to_string();
+        assert_eq!(
+            message,
+            "model: unknown variant `metal`, expected `classic`"
+        );
+        assert_eq!(
+            "classic".parse::<ModelChoice>().unwrap(),
+            ModelChoice::Classic
+        );
     }
 
     #[test]
@@ -247,7 +378,8 @@ mod tests {
         assert!(message(r#"{"training": {"object_share": 1}}"#).contains("strictly between"));
         assert!(message(r#"{"gp": {"fit_points": 1}}"#).contains("gp.fit_points is 1"));
         assert!(message(r#"{"gp": {"models": []}}"#).contains("gp.models is empty"));
-        assert!(message(r#"{"gp": {"models": ["classical"]}}"#).contains("classic"));
+        assert!(message(r#"{"gp": {"models": ["classic", "classic"]}}"#).contains("classic twice"));
+        assert!(message(r#"{"training": {"points": 50001}}"#).contains("at most 50000"));
         assert!(message("[]").contains("expected a table"));
         assert!(message("{").contains("EOF"));
     }

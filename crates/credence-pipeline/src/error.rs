@@ -7,6 +7,46 @@ pub enum PipelineError {
     /// A setting that does not exist or cannot be.
     #[error("pipeline configuration: {0}")]
     Config(String),
+    /// A name that no choice has.
+    #[error("{what}: {why}")]
+    Choice {
+        /// What was to be chosen.
+        what: &'static str,
+        /// The name as given, and those that exist.
+        why: String,
+    },
+    /// Training points and classes of different number.
+    #[error("classes has {found} entries; {expected} training points need one each")]
+    TrainingLength {
+        /// Classes found.
+        found: usize,
+        /// Number of points.
+        expected: usize,
+    },
+    /// A training point of a class that does not exist.
+    #[error("classes[{index}] is {class}; 0 is free space and the categories run from 1 to {last}")]
+    TrainingClass {
+        /// Position of the point.
+        index: usize,
+        /// Its class.
+        class: u8,
+        /// The last category's class.
+        last: usize,
+    },
+    /// An object about which nothing is known to be free.
+    #[error(
+        "object {id} has no free space within {box_padding_m} m of its box and at least \
+         {free_margin_m} m away from observed points; insert views that look past it, raise \
+         training.box_padding_m or lower training.free_margin_m"
+    )]
+    NoFreeSpace {
+        /// The object.
+        id: u32,
+        /// Padding of its box, metres.
+        box_padding_m: f64,
+        /// Distance kept from observed points, metres.
+        free_margin_m: f64,
+    },
     /// An input no stage can work with.
     #[error(transparent)]
     Input(#[from] InvalidInput),

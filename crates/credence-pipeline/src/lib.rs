@@ -10,6 +10,8 @@ mod classify;
 mod config;
 mod error;
 mod pipeline;
+#[cfg(test)]
+mod scene;
 mod segmenter;
 mod training;
 

@@ -133,3 +133,198 @@ impl Pipeline {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use credence_map::TrackedObject;
+    use credence_types::{Category, FREE_CLASS};
+
+    use super::*;
+    use crate::scene::{Solid, view};
+
+    const SETTINGS: &str = r#"{"training": {"points": 600}, "gp": {"fit_points": 300}}"#;
+
+    fn mug() -> Solid {
+        Solid::cube(Category::Mug, [0.0, 0.0])
+    }
+
+    fn mapped() -> Pipeline {
+        let mut pipeline = Pipeline::new(Config::from_json(SETTINGS).unwrap()).unwrap();
+        for azimuth_deg in [-60.0, 20.0] {
+            pipeline.add_frame(&view(&[mug()], azimuth_deg)).unwrap();
+        }
+        pipeline
+    }
+
+    fn only_object(pipeline: &Pipeline) -> ObjectId {
+        let objects: Vec<&TrackedObject> = pipeline.map().objects().collect();
+        assert_eq!(objects.len(), 1);
+        objects[0].id()
+    }
+
+    /// Points on the top, and on the sides x = 0.04 and y = -0.04, which both views see.
+    fn on_surface() -> Vec<Point> {
+        let inner = [-0.025, 0.0, 0.025];
+        let pairs = || inner.into_iter().flat_map(|a| inner.map(|b| (a, b)));
+        let top = pairs().map(|(a, b)| Point::new(a, b, 0.08));
+        let front = pairs().map(|(a, b)| Point::new(0.04, a, 0.04 + b));
+        let side = pairs().map(|(a, b)| Point::new(a, -0.04, 0.04 + b));
+        top.chain(front).chain(side).collect()
+    }
+
+    /// Points 2.5 cm before the same places.
+    fn in_free_space() -> Vec<Point> {
+        let out = |p: Point| {
+            let push = |value: f64, face: f64| if value == face { face * 1.625 } else { value };
+            let z = if p.z == 0.08 { 0.105 } else { p.z };
+            Point::new(push(p.x, 0.04), push(p.y, -0.04), z)
+        };
+        on_surface().into_iter().map(out).collect()
+    }
+
+    #[test]
+    fn the_surface_is_the_object_and_seen_space_is_free() {
+        let mut pipeline = mapped();
+        let id = only_object(&pipeline);
+        assert_eq!(pipeline.map().object(id).unwrap().category(), Category::Mug);
+        let training = pipeline.training_set(id, 1).unwrap();
+        let test = [on_surface(), in_free_space()].concat();
+        let result = pipeline
+            .classify(id, &training, &test, ModelChoice::Classic)
+            .unwrap();
+
+        let predictions = &result.predictions;
+        assert_eq!(predictions.classes, [FREE_CLASS, Category::Mug.class()]);
+        assert_eq!(result.hyperparameters.len(), 2);
+        assert_eq!(predictions.clamped_share, 0.0);
+        let (surface, free) = predictions.points.split_at(27);
+        for (point, prediction) in test.iter().zip(surface) {
+            assert_eq!(prediction.class, Category::Mug.class(), "{point}");
+            assert!(prediction.confidence > 0.5 && prediction.confidence <= 1.0);
+        }
+        for (point, prediction) in test[27..].iter().zip(free) {
+            assert_eq!(prediction.class, FREE_CLASS, "{point}");
+            assert!(prediction.confidence < 0.5 && prediction.confidence >= 0.0);
+        }
+        let scores = || predictions.points.iter().map(|p| p.score);
+        assert_eq!(scores().fold(f64::INFINITY, f64::min), 0.0);
+        assert_eq!(scores().fold(0.0, f64::max), 1.0);
+    }
+
+    #[test]
+    fn the_map_takes_the_confidences_of_the_points_in_its_voxels() {
+        let mut pipeline = mapped();
+        let id = only_object(&pipeline);
+        assert_eq!(pipeline.map().object_confidence(id).unwrap(), None);
+        let training = pipeline.training_set(id, 1).unwrap();
+        // Two observed points of one voxel, which takes their mean; a point in the air; no more.
+        let cloud = &pipeline.map().object(id).unwrap().cloud().points_world;
+        let shared = cloud
+            .iter()
+            .enumerate()
+            .find_map(|(i, a)| {
+                let near = |b: &&Point| {
+                    let centre = |p: &Point| pipeline.map().voxel_at(p).map(|v| v.centre);
+                    centre(a).is_some() && centre(a) == centre(b)
+                };
+                cloud[i + 1..].iter().find(near).map(|b| [*a, *b])
+            })
+            .unwrap();
+        let test = [shared[0], shared[1], Point::new(0.0, 0.0, 0.15)];
+        let result = pipeline
+            .classify(id, &training, &test, ModelChoice::Classic)
+            .unwrap();
+        let points = &result.predictions.points;
+        let mean = f64::midpoint(points[0].confidence, points[1].confidence);
+        assert_eq!(
+            pipeline.map().voxel_at(&shared[0]).unwrap().confidence,
+            Some(mean)
+        );
+        let set = pipeline.map().voxels().filter(|v| v.confidence.is_some());
+        assert_eq!(set.count(), 1);
+        assert_eq!(pipeline.map().object_confidence(id).unwrap(), Some(mean));
+    }
+
+    #[test]
+    fn the_same_frames_and_seed_give_the_same_bits() {
+        let run = || {
+            let mut pipeline = mapped();
+            let id = only_object(&pipeline);
+            let training = pipeline.training_set(id, 5).unwrap();
+            pipeline
+                .classify(id, &training, &on_surface(), ModelChoice::Classic)
+                .unwrap()
+        };
+        assert_eq!(run(), run());
+    }
+
+    #[test]
+    fn every_stage_notes_its_time() {
+        let mut pipeline = mapped();
+        let stages = |pipeline: &Pipeline| -> Vec<(&str, Option<ModelChoice>)> {
+            pipeline
+                .times()
+                .iter()
+                .map(|time| (time.stage, time.model))
+                .collect()
+        };
+        assert_eq!(stages(&pipeline), [("segment", None), ("map", None)]);
+        let mapping = pipeline.times()[1].seconds;
+        pipeline.add_frame(&view(&[mug()], 0.0)).unwrap();
+        assert!(
+            pipeline.times()[1].seconds > mapping,
+            "calls of one stage add up"
+        );
+        let id = only_object(&pipeline);
+        let training = pipeline.training_set(id, 1).unwrap();
+        pipeline
+            .classify(id, &training, &on_surface(), ModelChoice::Classic)
+            .unwrap();
+        assert_eq!(
+            stages(&pipeline)[2..],
+            [
+                ("training points", None),
+                ("fit", Some(ModelChoice::Classic)),
+                ("posterior", Some(ModelChoice::Classic)),
+            ]
+        );
+        assert!(pipeline.times().iter().all(|time| time.seconds > 0.0));
+    }
+
+    #[test]
+    fn a_refused_input_changes_nothing() {
+        let mut pipeline = mapped();
+        let id = only_object(&pipeline);
+        let voxels = |pipeline: &Pipeline| pipeline.map().voxels().count();
+        let before = voxels(&pipeline);
+        let seen = view(&[mug()], 90.0);
+        let blind = Frame::new(
+            seen.rgb().to_vec(),
+            seen.depth_m().to_vec(),
+            *seen.intrinsics(),
+            *seen.world_from_camera(),
+            None,
+        );
+        let refusal = pipeline.add_frame(&blind.unwrap()).unwrap_err().to_string();
+        assert!(refusal.contains("needs true masks"));
+        assert_eq!(voxels(&pipeline), before);
+
+        let training = pipeline.training_set(id, 1).unwrap();
+        let mut message = |training: &TrainingSet, points: &[Point]| {
+            let refused = pipeline.classify(id, training, points, ModelChoice::Classic);
+            refused.unwrap_err().to_string()
+        };
+        let mugs = TrainingSet::new(on_surface(), vec![Category::Mug.class(); 27]).unwrap();
+        assert!(message(&mugs, &on_surface()).contains("use at least 2 classes"));
+        let nan = Point::new(f64::NAN, 0.0, 0.0);
+        assert!(message(&training, &[nan]).contains("test points[0]"));
+        assert_eq!(pipeline.map().object_confidence(id).unwrap(), None);
+        let stray = pipeline.classify(ObjectId(99), &training, &[], ModelChoice::Classic);
+        assert!(
+            stray
+                .unwrap_err()
+                .to_string()
+                .contains("there is no object 99")
+        );
+    }
+}

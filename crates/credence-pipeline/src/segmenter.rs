@@ -44,7 +44,14 @@ mod tests {
 
     fn frame(truth: Option<FrameTruth>) -> Frame {
         let intrinsics = Intrinsics::new([3, 1], [1.0, 1.0], [1.0, 0.0]).unwrap();
-        Frame::new(vec![[0; 3]; 3], vec![1.0; 3], intrinsics, Pose::identity(), truth).unwrap()
+        Frame::new(
+            vec![[0; 3]; 3],
+            vec![1.0; 3],
+            intrinsics,
+            Pose::identity(),
+            truth,
+        )
+        .unwrap()
     }
 
     #[test]

@@ -4,10 +4,10 @@ use credence_pipeline::{
     SmoothnessChoice,
     gp::{Covariance, DirichletGp, Hyperparameters, Points, TrainingSet},
 };
-use numpy::{PyArray1, PyArray2, PyReadonlyArrayDyn, ToPyArray as _, ndarray::Array2};
+use numpy::{PyArray1, PyArray2, ToPyArray as _, ndarray::Array2};
 use pyo3::prelude::*;
 
-use crate::{arrays, errors::to_python};
+use crate::{arrays::Array, errors::to_python};
 
 /// One model of the given hyperparameters, one value per class.
 struct Problem {
@@ -16,26 +16,27 @@ struct Problem {
     hyperparameters: Vec<Hyperparameters>,
 }
 
-fn coordinates(name: &'static str, array: &PyReadonlyArrayDyn<'_, f64>) -> PyResult<Points> {
-    let rows = arrays::slice(name, array, &[None, Some(3)])?;
-    Points::from_rows(name, rows, 3).map_err(|err| to_python(&err))
+fn coordinates(name: &'static str, array: &Array<'_, f64>) -> PyResult<Points> {
+    let rows = array.values(name, &[None, Some(3)])?;
+    Points::from_rows(name, &rows, 3).map_err(|err| to_python(&err))
 }
 
 fn problem(
-    points: &PyReadonlyArrayDyn<'_, f64>,
-    labels: &PyReadonlyArrayDyn<'_, u8>,
-    [lengthscales, outputscales, means]: [&PyReadonlyArrayDyn<'_, f64>; 3],
+    points: &Array<'_, f64>,
+    labels: &Array<'_, u8>,
+    [lengthscales, outputscales, means]: [&Array<'_, f64>; 3],
     smoothness: &str,
 ) -> PyResult<Problem> {
     let smoothness: SmoothnessChoice = smoothness.parse().map_err(|err| to_python(&err))?;
-    let labels: Vec<usize> = arrays::slice("labels", labels, &[None])?
-        .iter()
-        .map(|&label| usize::from(label))
+    let labels: Vec<usize> = labels
+        .values("labels", &[None])?
+        .into_iter()
+        .map(usize::from)
         .collect();
-    let lengthscales = arrays::slice("lengthscales", lengthscales, &[None])?;
+    let lengthscales = lengthscales.values("lengthscales", &[None])?;
     let classes = lengthscales.len();
-    let outputscales = arrays::slice("outputscales", outputscales, &[Some(classes)])?;
-    let means = arrays::slice("means", means, &[Some(classes)])?;
+    let outputscales = outputscales.values("outputscales", &[Some(classes)])?;
+    let means = means.values("means", &[Some(classes)])?;
     let training = TrainingSet::new(coordinates("points", points)?, &labels, classes)
         .map_err(|err| to_python(&err))?;
     Ok(Problem {
@@ -61,11 +62,11 @@ type Likelihoods<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
 #[pyo3(signature = (*, points, labels, lengthscales, outputscales, means, smoothness = "5/2"))]
 pub(crate) fn gp_log_likelihood<'py>(
     py: Python<'py>,
-    points: PyReadonlyArrayDyn<'py, f64>,
-    labels: PyReadonlyArrayDyn<'py, u8>,
-    lengthscales: PyReadonlyArrayDyn<'py, f64>,
-    outputscales: PyReadonlyArrayDyn<'py, f64>,
-    means: PyReadonlyArrayDyn<'py, f64>,
+    points: Array<'py, f64>,
+    labels: Array<'py, u8>,
+    lengthscales: Array<'py, f64>,
+    outputscales: Array<'py, f64>,
+    means: Array<'py, f64>,
     smoothness: &str,
 ) -> PyResult<Likelihoods<'py>> {
     let hyperparameters = [&lengthscales, &outputscales, &means];
@@ -97,12 +98,12 @@ type MeansAndVariances<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f6
 #[expect(clippy::too_many_arguments, reason = "keyword arguments in Python")]
 pub(crate) fn gp_posterior<'py>(
     py: Python<'py>,
-    points: PyReadonlyArrayDyn<'py, f64>,
-    labels: PyReadonlyArrayDyn<'py, u8>,
-    test_points: PyReadonlyArrayDyn<'py, f64>,
-    lengthscales: PyReadonlyArrayDyn<'py, f64>,
-    outputscales: PyReadonlyArrayDyn<'py, f64>,
-    means: PyReadonlyArrayDyn<'py, f64>,
+    points: Array<'py, f64>,
+    labels: Array<'py, u8>,
+    test_points: Array<'py, f64>,
+    lengthscales: Array<'py, f64>,
+    outputscales: Array<'py, f64>,
+    means: Array<'py, f64>,
     smoothness: &str,
 ) -> PyResult<MeansAndVariances<'py>> {
     let hyperparameters = [&lengthscales, &outputscales, &means];
@@ -119,8 +120,10 @@ pub(crate) fn gp_posterior<'py>(
         })
         .map_err(|err| to_python(&err))?;
     let array = |rows: &[Vec<f64>]| {
-        Array2::from_shape_fn((posterior.classes(), posterior.points()), |(c, p)| rows[c][p])
-            .to_pyarray(py)
+        Array2::from_shape_fn((posterior.classes(), posterior.points()), |(c, p)| {
+            rows[c][p]
+        })
+        .to_pyarray(py)
     };
     Ok((array(posterior.mean()), array(posterior.variance())))
 }

@@ -4,10 +4,13 @@ use std::path::PathBuf;
 
 use credence_pipeline::map::{OccupancyMap, SemanticVoxel, TrackedObject};
 use credence_types::Point;
-use numpy::{PyArray1, PyArray2, PyReadonlyArrayDyn, ToPyArray as _, ndarray::Array2};
+use numpy::{PyArray1, PyArray2, ToPyArray as _, ndarray::Array2};
 use pyo3::prelude::*;
 
-use crate::{arrays, errors::to_python};
+use crate::{
+    arrays::{self, Array},
+    errors::to_python,
+};
 
 /// Centres (n, 3), edges (n,) and log-odds (n,) of leaves.
 type LeafArrays<'py> = (
@@ -50,13 +53,13 @@ impl PyOccupancyMap {
     fn insert_scan(
         &mut self,
         py: Python<'_>,
-        origin_world: PyReadonlyArrayDyn<'_, f64>,
-        points_world: PyReadonlyArrayDyn<'_, f64>,
+        origin_world: Array<'_, f64>,
+        points_world: Array<'_, f64>,
         max_range_m: Option<f64>,
     ) -> PyResult<()> {
-        let origin = arrays::slice("origin_world", &origin_world, &[Some(3)])?;
+        let origin = origin_world.values("origin_world", &[Some(3)])?;
         let origin = Point::new(origin[0], origin[1], origin[2]);
-        let points = arrays::points("points_world", &points_world)?;
+        let points = points_world.points("points_world")?;
         py.detach(|| self.0.insert_scan(&origin, &points, max_range_m))
             .map(|_| ())
             .map_err(|err| to_python(&err))

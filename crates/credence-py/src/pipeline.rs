@@ -3,27 +3,28 @@
 use std::collections::BTreeMap;
 
 use credence_pipeline::{
-    Classification, Config, ModelChoice, Pipeline, StageTime, TrainingSet,
-    gp::Hyperparameters,
+    Classification, Config, ModelChoice, Pipeline, StageTime, TrainingSet, gp::Hyperparameters,
     map::ObjectId,
 };
 use credence_types::{Category, Frame, FrameTruth, Intrinsics, Pose, Prediction};
-use numpy::{
-    PyArray1, PyArray2, PyReadonlyArrayDyn, PyUntypedArrayMethods as _, ToPyArray as _,
-    ndarray::Array2,
+use numpy::{PyArray1, PyArray2, ToPyArray as _, ndarray::Array2};
+use pyo3::{
+    exceptions::{PyTypeError, PyValueError},
+    prelude::*,
+    types::PyMapping,
 };
-use pyo3::{exceptions::PyValueError, prelude::*, types::PyDict};
 
 use crate::{
-    arrays,
+    arrays::{self, Array},
     errors::to_python,
     map::{PyMappedObject, PyOccupancyMap, PyVoxels},
 };
 
-/// Checks the JSON text of a pipeline configuration.
+/// Checks the JSON text of a pipeline configuration: whether a pipeline can be made of it.
 #[pyfunction]
 pub(crate) fn check_pipeline_config(text: &str) -> PyResult<()> {
     Config::from_json(text)
+        .and_then(Pipeline::new)
         .map(|_| ())
         .map_err(|err| to_python(&err))
 }
@@ -35,26 +36,22 @@ pub(crate) struct PyTrainingSet(TrainingSet);
 #[pymethods]
 impl PyTrainingSet {
     #[new]
-    fn new(
-        points_world: PyReadonlyArrayDyn<'_, f64>,
-        classes: PyReadonlyArrayDyn<'_, u8>,
-    ) -> PyResult<Self> {
-        let points_world = arrays::points("points_world", &points_world)?;
-        let classes = arrays::slice("classes", &classes, &[Some(points_world.len())])?.to_vec();
-        Ok(Self(TrainingSet {
-            points_world,
-            classes,
-        }))
+    fn new(points_world: Array<'_, f64>, classes: Array<'_, u8>) -> PyResult<Self> {
+        let points_world = points_world.points("points_world")?;
+        let classes = classes.values("classes", &[Some(points_world.len())])?;
+        TrainingSet::new(points_world, classes)
+            .map(Self)
+            .map_err(|err| to_python(&err))
     }
 
     #[getter]
     fn points_world<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
-        arrays::from_points(&self.0.points_world).to_pyarray(py)
+        arrays::from_points(self.0.points_world()).to_pyarray(py)
     }
 
     #[getter]
     fn classes<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u8>> {
-        self.0.classes.to_pyarray(py)
+        self.0.classes().to_pyarray(py)
     }
 }
 
@@ -189,41 +186,36 @@ impl PyPipeline {
     fn add_frame(
         &mut self,
         py: Python<'_>,
-        rgb: PyReadonlyArrayDyn<'_, u8>,
-        depth_m: PyReadonlyArrayDyn<'_, f32>,
-        intrinsics: [f64; 4],
-        world_from_camera: PyReadonlyArrayDyn<'_, f64>,
-        instance_ids: Option<PyReadonlyArrayDyn<'_, u16>>,
-        categories: Option<&Bound<'_, PyDict>>,
+        rgb: Array<'_, u8>,
+        depth_m: Array<'_, f32>,
+        intrinsics: &Bound<'_, PyAny>,
+        world_from_camera: Array<'_, f64>,
+        instance_ids: Option<Array<'_, u16>>,
+        categories: Option<&Bound<'_, PyMapping>>,
     ) -> PyResult<Vec<Option<u32>>> {
-        let &[height, width] = depth_m.shape() else {
-            return Err(PyValueError::new_err(format!(
-                "depth_m has shape {:?}; expected (height, width)",
-                depth_m.shape()
-            )));
-        };
+        let [height, width] = depth_m.image_size("depth_m")?;
         let image = [Some(height), Some(width)];
-        let [fx, fy, cx, cy] = intrinsics;
-        let camera = Intrinsics::new([width, height], [fx, fy], [cx, cy])
-            .map_err(|err| to_python(&err))?;
-        let pose = arrays::matrix4("world_from_camera", &world_from_camera)?;
-        let pose =
-            Pose::from_matrix("world_from_camera", &pose).map_err(|err| to_python(&err))?;
-        let rgb: Vec<[u8; 3]> = arrays::slice("rgb", &rgb, &[image[0], image[1], Some(3)])?
+        let [fx, fy, cx, cy] = focal_and_centre(intrinsics)?;
+        let camera =
+            Intrinsics::new([width, height], [fx, fy], [cx, cy]).map_err(|err| to_python(&err))?;
+        let pose = world_from_camera.matrix4("world_from_camera")?;
+        let pose = Pose::from_matrix("world_from_camera", &pose).map_err(|err| to_python(&err))?;
+        let rgb: Vec<[u8; 3]> = rgb
+            .values("rgb", &[image[0], image[1], Some(3)])?
             .chunks_exact(3)
             .map(|c| [c[0], c[1], c[2]])
             .collect();
-        let depth_m = arrays::slice("depth_m", &depth_m, &image)?.to_vec();
-        let truth = match &instance_ids {
+        let depth_m = depth_m.values("depth_m", &image)?;
+        let truth = match instance_ids {
             None => None,
             Some(ids) => Some(FrameTruth {
-                instance_ids: arrays::slice("instance_ids", ids, &image)?.to_vec(),
+                instance_ids: ids.values("instance_ids", &image)?,
                 categories: named_categories(categories)?,
             }),
         };
         py.detach(|| {
-            let frame = Frame::new(rgb, depth_m, camera, pose, truth)
-                .map_err(|err| to_python(&err))?;
+            let frame =
+                Frame::new(rgb, depth_m, camera, pose, truth).map_err(|err| to_python(&err))?;
             let report = self.0.add_frame(&frame).map_err(|err| to_python(&err))?;
             Ok(report.objects.iter().map(|id| id.map(|id| id.0)).collect())
         })
@@ -244,7 +236,12 @@ impl PyPipeline {
     }
 
     #[pyo3(signature = (object_id, *, seed))]
-    fn training_set(&mut self, py: Python<'_>, object_id: u32, seed: u64) -> PyResult<PyTrainingSet> {
+    fn training_set(
+        &mut self,
+        py: Python<'_>,
+        object_id: u32,
+        seed: u64,
+    ) -> PyResult<PyTrainingSet> {
         py.detach(|| self.0.training_set(ObjectId(object_id), seed))
             .map(PyTrainingSet)
             .map_err(|err| to_python(&err))
@@ -256,11 +253,11 @@ impl PyPipeline {
         py: Python<'_>,
         object_id: u32,
         training: &PyTrainingSet,
-        test_points: PyReadonlyArrayDyn<'_, f64>,
+        test_points: Array<'_, f64>,
         model: &str,
     ) -> PyResult<PyPredictions> {
         let model: ModelChoice = model.parse().map_err(|err| to_python(&err))?;
-        let points = arrays::points("test_points", &test_points)?;
+        let points = test_points.points("test_points")?;
         py.detach(|| {
             self.0
                 .classify(ObjectId(object_id), &training.0, &points, model)
@@ -284,14 +281,43 @@ impl PyPipeline {
     }
 }
 
-fn named_categories(categories: Option<&Bound<'_, PyDict>>) -> PyResult<BTreeMap<u16, Category>> {
+fn focal_and_centre(intrinsics: &Bound<'_, PyAny>) -> PyResult<[f64; 4]> {
+    intrinsics.extract().map_err(|_err| {
+        let text = intrinsics.to_string();
+        let found: Vec<&str> = text.split_whitespace().collect();
+        PyTypeError::new_err(format!(
+            "intrinsics is {}; expected the four numbers (fx, fy, cx, cy), in pixels",
+            found.join(" ")
+        ))
+    })
+}
+
+fn named_categories(
+    categories: Option<&Bound<'_, PyMapping>>,
+) -> PyResult<BTreeMap<u16, Category>> {
     let mut named = BTreeMap::new();
-    for (id, name) in categories.into_iter().flatten() {
-        let category: Category = name
-            .extract::<String>()?
-            .parse()
-            .map_err(|err| to_python(&err))?;
-        named.insert(id.extract()?, category);
+    let Some(categories) = categories else {
+        return Ok(named);
+    };
+    for item in categories.items()? {
+        let (id, name): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item.extract()?;
+        let key = id
+            .extract()
+            .ok()
+            .filter(|id: &u16| *id > 0)
+            .ok_or_else(|| {
+                PyValueError::new_err(format!(
+                    "categories has the key {}; instance ids are whole numbers from 1 to 65535",
+                    id.repr()
+                        .map_or_else(|_err| String::new(), |text| text.to_string())
+                ))
+            })?;
+        let name: String = name.extract().map_err(|_err| {
+            PyTypeError::new_err(format!(
+                "categories[{key}] is {name}; expected a category's name, such as 'mug'"
+            ))
+        })?;
+        named.insert(key, name.parse().map_err(|err| to_python(&err))?);
     }
     Ok(named)
 }

@@ -3,10 +3,10 @@
 use credence_score::{self, BinaryMetrics, MeshTruth};
 use credence_types::TriMesh;
 use nalgebra::Vector3;
-use numpy::{IntoPyArray as _, PyArray1, PyReadonlyArrayDyn};
+use numpy::{IntoPyArray as _, PyArray1};
 use pyo3::{prelude::*, types::PyDict};
 
-use crate::{arrays, errors::to_python};
+use crate::{arrays::Array, errors::to_python};
 
 /// A true mesh, ready to be measured against.
 #[pyclass(name = "MeshTruth", module = "harness._native", frozen)]
@@ -15,19 +15,18 @@ pub(crate) struct PyMeshTruth(MeshTruth);
 #[pymethods]
 impl PyMeshTruth {
     #[new]
-    fn new(
-        py: Python<'_>,
-        vertices: PyReadonlyArrayDyn<'_, f64>,
-        faces: PyReadonlyArrayDyn<'_, u32>,
-    ) -> PyResult<Self> {
-        let vertices = arrays::points("vertices", &vertices)?;
-        let faces = arrays::slice("faces", &faces, &[None, Some(3)])?
+    fn new(py: Python<'_>, vertices: Array<'_, f64>, faces: Array<'_, u32>) -> PyResult<Self> {
+        let vertices = vertices.points("vertices")?;
+        let faces = faces
+            .values("faces", &[None, Some(3)])?
             .chunks_exact(3)
             .map(|f| [f[0], f[1], f[2]])
             .collect();
         py.detach(|| {
             let mesh = TriMesh::new(vertices, faces).map_err(|err| to_python(&err))?;
-            MeshTruth::new(&mesh).map(Self).map_err(|err| to_python(&err))
+            MeshTruth::new(&mesh)
+                .map(Self)
+                .map_err(|err| to_python(&err))
         })
     }
 
@@ -40,9 +39,9 @@ impl PyMeshTruth {
     fn distances<'py>(
         &self,
         py: Python<'py>,
-        points: PyReadonlyArrayDyn<'py, f64>,
+        points: Array<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let points = arrays::points("points", &points)?;
+        let points = points.points("points")?;
         let distances = py
             .detach(|| self.0.distances(&points))
             .map_err(|err| to_python(&err))?;
@@ -52,11 +51,12 @@ impl PyMeshTruth {
     fn ray_depths<'py>(
         &self,
         py: Python<'py>,
-        origins: PyReadonlyArrayDyn<'py, f64>,
-        directions: PyReadonlyArrayDyn<'py, f64>,
+        origins: Array<'py, f64>,
+        directions: Array<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let origins = arrays::points("origins", &origins)?;
-        let directions: Vec<Vector3<f64>> = arrays::points("directions", &directions)?
+        let origins = origins.points("origins")?;
+        let directions: Vec<Vector3<f64>> = directions
+            .points("directions")?
             .into_iter()
             .map(|direction| direction.coords)
             .collect();
@@ -71,11 +71,11 @@ impl PyMeshTruth {
 #[pyo3(signature = (*, points, observed))]
 pub(crate) fn nearest_observation<'py>(
     py: Python<'py>,
-    points: PyReadonlyArrayDyn<'py, f64>,
-    observed: PyReadonlyArrayDyn<'py, f64>,
+    points: Array<'py, f64>,
+    observed: Array<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let points = arrays::points("points", &points)?;
-    let observed = arrays::points("observed", &observed)?;
+    let points = points.points("points")?;
+    let observed = observed.points("observed")?;
     let distances = py
         .detach(|| credence_score::nearest_observation(&points, &observed))
         .map_err(|err| to_python(&err))?;
@@ -86,23 +86,27 @@ pub(crate) fn nearest_observation<'py>(
 #[pyo3(signature = (*, predicted, truth, probability = None, decision_confidence = None))]
 pub(crate) fn binary_metrics<'py>(
     py: Python<'py>,
-    predicted: PyReadonlyArrayDyn<'py, bool>,
-    truth: PyReadonlyArrayDyn<'py, bool>,
-    probability: Option<PyReadonlyArrayDyn<'py, f64>>,
-    decision_confidence: Option<PyReadonlyArrayDyn<'py, f64>>,
+    predicted: Array<'py, bool>,
+    truth: Array<'py, bool>,
+    probability: Option<Array<'py, f64>>,
+    decision_confidence: Option<Array<'py, f64>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let predicted = arrays::slice("predicted", &predicted, &[None])?;
-    let truth = arrays::slice("truth", &truth, &[None])?;
-    let probability = match &probability {
-        None => None,
-        Some(array) => Some(arrays::slice("probability", array, &[None])?),
+    let predicted = predicted.values("predicted", &[None])?;
+    let truth = truth.values("truth", &[None])?;
+    let optional = |name, array: Option<Array<'py, f64>>| {
+        array.map(|array| array.values(name, &[None])).transpose()
     };
-    let confidence = match &decision_confidence {
-        None => None,
-        Some(array) => Some(arrays::slice("decision_confidence", array, &[None])?),
-    };
+    let probability = optional("probability", probability)?;
+    let confidence = optional("decision_confidence", decision_confidence)?;
     let metrics = py
-        .detach(|| BinaryMetrics::evaluate(predicted, truth, probability, confidence))
+        .detach(|| {
+            BinaryMetrics::evaluate(
+                &predicted,
+                &truth,
+                probability.as_deref(),
+                confidence.as_deref(),
+            )
+        })
         .map_err(|err| to_python(&err))?;
     let counts = metrics.confusion;
     let result = PyDict::new(py);
