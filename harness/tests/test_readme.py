@@ -1,0 +1,43 @@
+"""What the README shows is what the program does."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+from harness.cli import app
+from harness.config import Config, load_config
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_configuration_shown_is_the_default(tmp_path):
+    (shown,) = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+    path = tmp_path / "shown.toml"
+    path.write_text(shown, encoding="utf-8")
+    config = load_config(path)
+    assert config.model_copy(update={"pipeline": {}}) == Config()
+    defaults = {
+        "segmenter": "oracle",
+        "map": {"resolution_m": 0.005},
+        "training": {"points": 3600},
+        "gp": {"models": ["classic"], "smoothness": "5/2"},
+    }
+    assert config.pipeline == defaults
+
+
+def test_the_commands_shown_exist():
+    shown = {
+        shlex.split(line, comments=True)[1]
+        for line in re.findall(r"\.venv/bin/(harness .*)", README)
+    }
+    known = {command.name or command.callback.__name__ for command in app.registered_commands}
+    assert shown == known
+
+
+def test_links_and_pictures_exist():
+    targets = re.findall(r"\]\(([^)#]+)\)", README)
+    assert targets
+    assert [target for target in targets if not (ROOT / target).exists()] == []
