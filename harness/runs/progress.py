@@ -68,10 +68,13 @@ class ConsoleProgress:
     ----------
     console
         Where to write; the standard error stream, so that the table can be piped.
+    folder_name
+        What the folder that takes the scenes is called.
     """
 
-    def __init__(self, console: Console) -> None:
+    def __init__(self, console: Console, *, folder_name: str = "run folder") -> None:
         self._console = console
+        self._folder_name = folder_name
         # The mean over many scenes: workers finish in bursts.
         self._bar = Bar(
             TextColumn("[bold]scenes[/bold]"),
@@ -93,7 +96,7 @@ class ConsoleProgress:
         self._count, self._total = finished, scenes
         if finished:
             self.note(f"{finished} of {scenes} scenes are there already")
-        self._say(f"run folder: {folder}")
+        self._say(f"{self._folder_name}: {folder}")
         self._task = self._bar.add_task("", total=scenes, completed=finished)
         with self._bar:
             yield

@@ -267,6 +267,39 @@ def test_frames_without_truth_still_load(written: Path, missing: str, note: str)
     assert any(text.startswith(note) for text in back.notes)
 
 
+def test_what_has_a_category_but_no_mesh_keeps_its_masks(tiny_scene: Scene, written: Path) -> None:
+    make_foreign(written)
+    (written / "models" / "obj_000001.ply").unlink()
+    back = read_one(written)
+    assert [item.name for item in back.objects] == ["obj_000002"]
+    assert (back.objects[0].instance_id, back.bare) == (2, {1: "mug"})
+    assert back.categories == {1: "mug", 2: "can"}
+    assert back.notes == ("object 1 is not scored: obj_000001.ply is missing",)
+    for got, put in zip(back.frames, tiny_scene.frames, strict=True):
+        np.testing.assert_array_equal(ids(got), ids(put))
+
+
+def test_masks_of_one_category_need_no_truth(tiny_scene: Scene, written: Path) -> None:
+    scene = make_foreign(written)
+    (scene / "scene_gt.json").unlink()
+    edit(written / "models" / "models_info.json", lambda t: t["2"].update(category="mug"))
+    back = read_one(written)
+    assert (back.objects, back.bare) == ((), {1: "mug", 2: "mug"})
+    assert back.notes == ("there is no scene_gt.json: nothing to score against",)
+    for got, put in zip(back.frames, tiny_scene.frames, strict=True):
+        np.testing.assert_array_equal(ids(got), ids(put))
+    (scene / "mask_visib").rename(scene / "elsewhere")
+    assert all(frame.instance_ids is None for frame in read_one(written).frames)
+
+
+def test_a_category_can_be_given_to_what_has_none(written: Path) -> None:
+    make_foreign(written, categories=False)
+    (back,) = open_bop(written, category="bowl")
+    assert [item.category for item in back.objects] == ["bowl", "bowl"]
+    with pytest.raises(BopError, match="category is 'cup'; choose one of bottle, bowl"):
+        open_bop(written, category="cup")
+
+
 def test_without_masks_the_objects_are_known_but_not_their_pixels(written: Path) -> None:
     scene = make_foreign(written)
     (scene / "mask_visib").rename(scene / "elsewhere")
