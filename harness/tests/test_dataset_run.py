@@ -323,7 +323,8 @@ def test_what_is_missing_is_said(dataset: Path, config: Config) -> None:
     plan = planned(dataset, config)
     assert plan.reasons == {
         "bowl-0000": 'segmenter = "oracle" needs masks of known category: '
-        "there are masks, but nothing says of which category their objects are; there is no scene_gt.json: nothing to score against"
+        "there are masks, but nothing says of which category their objects are; "
+        "there is no scene_gt.json: nothing to score against"
         "; say what its masks show with --category, to map it"
     }
     assert [job.scene_id for job in plan.jobs] == ["mug-0000"]
