@@ -148,7 +148,7 @@ impl Default for GpConfig {
         Self {
             models: vec![ModelChoice::Classic],
             smoothness: SmoothnessChoice::FiveHalves,
-            fit_points: 900,
+            fit_points: 1800,
             fit_iterations: 50,
         }
     }
