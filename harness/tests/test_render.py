@@ -1,0 +1,153 @@
+"""The pictures of a scene: whole files, in the folder that was asked for, or one line why not."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+from PIL import Image
+
+from harness import cli
+from harness.config import load_config
+from harness.errors import InputError
+from harness.render import (
+    RenderOptions,
+    ScenePictures,
+    colour_depth,
+    fit_width,
+    label,
+    render_pictures,
+    run_render,
+)
+from harness.runs.atomic import DiskError
+from harness.runs.job import SceneJob
+from harness.scene_run import map_scene, simulate_job
+from harness.tests.support import full_disk
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+SETTINGS = "[scenes]\nwidth = 160\nheight = 120\nviews = 2\n"
+NAMES = [
+    "map_classes.png",
+    "map_rgb.png",
+    "montage.png",
+    *(f"view{view}_{what}.png" for view in (0, 1) for what in ("depth", "mask", "rgb")),
+]
+
+
+@pytest.fixture(scope="module")
+def options(tmp_path_factory: pytest.TempPathFactory) -> RenderOptions:
+    folder = tmp_path_factory.mktemp("render")
+    (folder / "small.toml").write_text(SETTINGS, encoding="utf-8")
+    return RenderOptions(scene="mug-0000", config=folder / "small.toml", out=folder / "a" / "b")
+
+
+@pytest.fixture(scope="module")
+def pictures(options: RenderOptions) -> ScenePictures:
+    return run_render(options)
+
+
+def test_the_pictures_are_whole_and_nothing_else_is_there(pictures: ScenePictures) -> None:
+    assert sorted(path.name for path in pictures.folder.iterdir()) == NAMES
+    assert sorted(pictures.files) == sorted(pictures.folder.iterdir())
+    assert pictures.montage == pictures.folder / "montage.png"
+    for path in pictures.files:
+        with Image.open(path) as image:
+            assert image.mode == "RGB"
+            assert np.asarray(image).std() > 0
+            if path.name.startswith("view"):
+                assert image.size == (160, 120)
+
+
+def test_the_mask_is_drawn_in_the_category_s_colour(pictures: ScenePictures) -> None:
+    rgb = np.asarray(Image.open(pictures.folder / "view0_rgb.png")).astype(int)
+    mask = np.asarray(Image.open(pictures.folder / "view0_mask.png")).astype(int)
+    # A mug is vermilion: there red outweighs blue; elsewhere the picture is grey.
+    coloured = mask[..., 0] != mask[..., 2]
+    assert 100 < coloured.sum() < 160 * 120 / 2
+    assert_array_equal(mask[~coloured][:, 0], rgb[~coloured].mean(axis=-1).astype(int))
+    assert (mask[coloured][:, 0] > mask[coloured][:, 2]).all()
+
+
+def test_drawing_again_replaces_the_files_by_the_same_bytes(
+    options: RenderOptions, pictures: ScenePictures
+) -> None:
+    before = {path.name: path.read_bytes() for path in pictures.files}
+    (pictures.folder / "mine.txt").write_text("mine", encoding="utf-8")
+    again = run_render(options)
+    assert {path.name: path.read_bytes() for path in again.files} == before
+    (pictures.folder / "mine.txt").unlink()
+
+
+def test_a_full_disk_leaves_whole_pictures_only(options: RenderOptions, tmp_path: Path) -> None:
+    config = load_config(options.config)
+    job = SceneJob(scene_id="mug-0000", category="mug", object_name="mug_pybullet", seed=11)
+    scene = simulate_job(job, config)
+    pipeline = map_scene(scene, config=config)
+    sound = render_pictures(scene, pipeline, folder=tmp_path / "sound")
+    before = {path.name: path.read_bytes() for path in sound.files}
+    sizes = sorted(map(len, before.values()))
+    assert sizes[-1] == len(before["montage.png"])
+    for folder, left in (("sound", NAMES), ("fresh", [n for n in NAMES if n != "montage.png"])):
+        with (
+            full_disk(sizes[-1] - 1),
+            pytest.raises(DiskError, match=r"cannot write .*montage\.png: File too large; free or"),
+        ):
+            render_pictures(scene, pipeline, folder=tmp_path / folder)
+        assert sorted(path.name for path in (tmp_path / folder).iterdir()) == left
+        for name in left:
+            assert (tmp_path / folder / name).read_bytes() == before[name]
+
+
+@pytest.mark.parametrize("inner", ["", "deep/er"])
+def test_a_folder_that_cannot_be_made_gets_one_line(
+    options: RenderOptions,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    inner: str,
+) -> None:
+    file = tmp_path / "file"
+    file.write_text("mine", encoding="utf-8")
+    out = file / inner if inner else file
+    arguments = ["render", "--scene", "mug-0000", "--config", str(options.config)]
+    assert cli.main([*arguments, "--out", str(out)]) == 2
+    stdout, stderr = capsys.readouterr()
+    assert stdout == ""
+    assert stderr.startswith(f"harness: cannot write to {out}: ")
+    assert stderr.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+    assert file.read_text(encoding="utf-8") == "mine"
+
+
+@pytest.mark.parametrize("scene", ["mug", "cup-1", "mug--1", "mug-x", "free-0001", ""])
+def test_a_scene_that_no_run_has_is_refused(scene: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"give a class and a number, such as mug-0003 \(classes"):
+        run_render(RenderOptions(scene=scene, out=tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
+
+
+def test_depth_is_bright_when_near_and_black_without_measurement() -> None:
+    depth_m = np.array([[0.3, 0.5], [0.7, np.nan]], dtype=np.float32)
+    picture = colour_depth(depth_m).astype(int)
+    luminance = picture.sum(axis=-1)
+    assert luminance[0, 0] > luminance[0, 1] > luminance[1, 0] > 0
+    assert_array_equal(picture[1, 1], [0, 0, 0])
+    blind = colour_depth(np.full((2, 3), np.nan, dtype=np.float32))
+    assert_array_equal(blind, np.zeros((2, 3, 3)))
+
+
+def test_a_label_marks_a_copy() -> None:
+    image = np.full((40, 160, 3), 128, dtype=np.uint8)
+    marked = label(image, "view0")
+    assert (image == 128).all()
+    assert (marked != 128).any()
+    assert (marked[:, 120:] == 128).all()
+
+
+def test_a_width_keeps_the_proportions() -> None:
+    image = np.zeros((30, 40, 3), dtype=np.uint8)
+    assert fit_width(image, 80).shape == (60, 80, 3)
+    assert fit_width(image, 10).shape == (8, 10, 3)
