@@ -20,6 +20,7 @@ from harness.native import CLASS_NAMES
 from harness.runs.atomic import write_atomically
 from harness.runs.job import plan_jobs
 from harness.scene_run import map_scene, simulate_job
+from sim_scenes import SceneError
 
 if TYPE_CHECKING:
     from harness.native import MappedObject, Pipeline, Voxels
@@ -79,7 +80,8 @@ def run_render(options: RenderOptions) -> ScenePictures:
     Raises
     ------
     InputError
-        A scene id that no plan holds, a configuration or a folder that cannot be used.
+        A scene id that no plan holds, a configuration or a folder that cannot be used, a scene
+        that cannot be drawn.
     """
     category, _, number = options.scene.rpartition("-")
     if category not in CLASS_NAMES[1:] or not number.isdecimal():
@@ -104,11 +106,15 @@ def run_render(options: RenderOptions) -> ScenePictures:
     )
     folder = options.out or Path("results") / "render" / options.scene
     job = plan_jobs(config, load_objects(config.scenes.objects))[-1]
-    scene = simulate_job(job, config)
+    try:
+        scene = simulate_job(job, config)
+    except SceneError as error:
+        raise InputError(f"--scene {options.scene}: {error}") from error
     try:
         return render_pictures(scene, map_scene(scene, config=config), folder=folder)
     except OSError as error:
-        raise InputError(f"cannot write to {folder}: {error.strerror or error}") from error
+        reason = error.strerror or error
+        raise InputError(f"cannot write to {folder}: {reason}; pass a writable --out") from error
 
 
 def render_pictures(scene: Scene, pipeline: Pipeline, *, folder: Path) -> ScenePictures:

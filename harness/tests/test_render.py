@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ from harness.runs.atomic import DiskError
 from harness.runs.job import SceneJob
 from harness.scene_run import map_scene, simulate_job
 from harness.tests.support import full_disk
+from sim_scenes import SceneError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -117,6 +119,7 @@ def test_a_folder_that_cannot_be_made_gets_one_line(
     stdout, stderr = capsys.readouterr()
     assert stdout == ""
     assert stderr.startswith(f"harness: cannot write to {out}: ")
+    assert stderr.endswith("; pass a writable --out\n")
     assert stderr.count("\n") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
     assert file.read_text(encoding="utf-8") == "mine"
@@ -126,6 +129,18 @@ def test_a_folder_that_cannot_be_made_gets_one_line(
 def test_a_scene_that_no_run_has_is_refused(scene: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"give a class and a number, such as mug-0003 \(classes"):
         run_render(RenderOptions(scene=scene, out=tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_scene_that_cannot_be_drawn_is_said(
+    options: RenderOptions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def give_up(*_: object) -> NoReturn:
+        raise SceneError("no view of 20 draws is reachable; widen the arc")
+
+    monkeypatch.setattr("harness.render.simulate_job", give_up)
+    with pytest.raises(InputError, match="--scene mug-0000: no view of 20 draws is reachable; wid"):
+        run_render(replace(options, out=tmp_path / "out"))
     assert not (tmp_path / "out").exists()
 
 
