@@ -36,7 +36,7 @@ class Section(BaseModel):
 class RunSection(Section):
     """``[run]``: how many scenes, from which seed, on how many processes."""
 
-    scenes: int = Field(default=16, ge=1, description="Scenes of each class.")
+    scenes: int = Field(default=16, ge=1, le=100_000, description="Scenes of each class.")
     seed: int = Field(
         default=0, ge=0, lt=2**63, description="Seed that every scene's seed derives from."
     )

@@ -234,7 +234,8 @@ def score(
         predicted=predicted, truth=truth, decision_confidence=predictions.score
     )
     names = {item.name for item in fields(Record)}
-    object_process = predictions.hyperparameters[target.category]
+    # A map that takes the target for something else has no process of its category.
+    object_process = predictions.hyperparameters.get(target.category)
     free_process = predictions.hyperparameters["free"]
     return Record(
         **identity,
@@ -245,8 +246,8 @@ def score(
         free_training_points=int(np.count_nonzero(training.classes == 0)),
         clamped_share=predictions.clamped_share,
         jitter=predictions.jitter,
-        lengthscale_m=object_process.lengthscale_m,
-        outputscale=object_process.outputscale,
+        lengthscale_m=object_process.lengthscale_m if object_process else None,
+        outputscale=object_process.outputscale if object_process else None,
         lengthscale_free_m=free_process.lengthscale_m,
         outputscale_free=free_process.outputscale,
     )
