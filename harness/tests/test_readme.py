@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def test_the_configuration_shown_is_the_default(tmp_path):
+def test_the_configuration_shown_is_the_default(tmp_path: Path) -> None:
     (shown,) = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
     path = tmp_path / "shown.toml"
     path.write_text(shown, encoding="utf-8")
@@ -28,16 +28,19 @@ def test_the_configuration_shown_is_the_default(tmp_path):
     assert config.pipeline == defaults
 
 
-def test_the_commands_shown_exist():
+def test_the_commands_shown_exist() -> None:
     shown = {
         shlex.split(line, comments=True)[1]
         for line in re.findall(r"\.venv/bin/(harness .*)", README)
     }
-    known = {command.name or command.callback.__name__ for command in app.registered_commands}
+    known = {
+        command.name or getattr(command.callback, "__name__", "")
+        for command in app.registered_commands
+    }
     assert shown == known
 
 
-def test_links_and_pictures_exist():
+def test_links_and_pictures_exist() -> None:
     targets = re.findall(r"\]\(([^)#]+)\)", README)
     assert targets
     assert [target for target in targets if not (ROOT / target).exists()] == []
