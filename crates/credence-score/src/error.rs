@@ -14,9 +14,6 @@ pub enum ScoreError {
         /// Number of faces.
         faces: usize,
     },
-    /// A scene without a mesh.
-    #[error("the scene has no mesh to measure against; pass at least one")]
-    NoMesh,
     /// A point that is not finite or absurdly far away.
     #[error(
         "{name}[{index}] is {point:?}; coordinates must be finite and within \
@@ -72,20 +69,6 @@ pub enum ScoreError {
     Confidence {
         /// Position in the array.
         index: usize,
-        /// The offending value.
-        value: f64,
-    },
-    /// A distance that is none.
-    #[error("distances_m[{index}] is {value}; distances are not negative and not NaN")]
-    Distance {
-        /// Position in the array.
-        index: usize,
-        /// The offending value.
-        value: f64,
-    },
-    /// A tolerance that no point could or every point would meet.
-    #[error("tolerance_m is {value}; it must be finite and not negative, 0.005 is usual")]
-    Tolerance {
         /// The offending value.
         value: f64,
     },

@@ -1,9 +1,7 @@
 //! The judge: what is true of a test point, and how good the predictions about it are.
 //!
 //! *Truth* is geometry. A point lies on an object when its unsigned distance to the object's true
-//! mesh is at most a tolerance ([`DEFAULT_TOLERANCE_M`]). [`MeshTruth`] measures distances and
-//! casts rays for one mesh, [`SceneTruth`] for several posed ones, [`on_surface`] applies the
-//! tolerance.
+//! mesh is at most a tolerance. [`MeshTruth`] measures the distances, and casts rays.
 //!
 //! *Metrics* are plain functions of slices. [`BinaryMetrics`] gathers them. They rank points in
 //! two ways that must not be mixed up:
@@ -18,7 +16,7 @@
 //! A metric without a value, such as recall without positives, is `None`: never 0, 1 or NaN.
 //!
 //! Two baselines that a confidence must beat: random order, whose expected AURC is the error rate
-//! ([`RiskCoverage::random_aurc`]), and closeness to what was observed ([`nearest_observation`]).
+//! ([`RiskCoverage::random_aurc`]), and closeness to the data ([`nearest_observation`]).
 //!
 //! This crate knows nothing that predicts.
 
@@ -31,9 +29,7 @@ pub use error::ScoreError;
 pub use metrics::{
     BinaryMetrics, Binning, Confusion, DEFAULT_BINS, ReliabilityBin, RiskCoverage, auroc,
     average_precision, brier_score, expected_calibration_error, negative_log_likelihood,
-    reliability, sweep_tolerances,
+    reliability,
 };
 pub use nearest::nearest_observation;
-pub use truth::{
-    DEFAULT_TOLERANCE_M, MAX_COORDINATE_M, MeshTruth, Nearest, SceneTruth, TOLERANCES_M, on_surface,
-};
+pub use truth::{MAX_COORDINATE_M, MeshTruth};

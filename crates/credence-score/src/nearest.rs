@@ -6,8 +6,9 @@ use crate::{ScoreError, truth::finite_points};
 
 /// The distance from each point to the nearest observed point, metres.
 ///
-/// Its negative, taken as a confidence, is the baseline that a learnt confidence must beat: what
-/// lies close to the data is easy.
+/// Its negative, taken as the confidence in a decision of either kind, is the baseline that a
+/// learnt confidence must beat: what lies close to the data is easy. The benchmark hands in all
+/// training points, of the object and of free space, since a decision may rest on either.
 ///
 /// # Errors
 /// No observed point, a point that is not finite or beyond

@@ -1,10 +1,8 @@
 //! Distances to meshes, against worked examples and against every face in turn.
 
-use std::f64::consts::FRAC_PI_2;
-
-use credence_score::{MeshTruth, SceneTruth};
-use credence_types::{Point, Pose, TriMesh};
-use nalgebra::{Rotation3, Vector3};
+use credence_score::MeshTruth;
+use credence_types::{Point, TriMesh};
+use nalgebra::{Isometry3, Rotation3, Vector3};
 use proptest::prelude::*;
 
 fn mesh(vertices: &[[f64; 3]], faces: &[[u32; 3]]) -> TriMesh {
@@ -36,19 +34,6 @@ fn cube() -> TriMesh {
         .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
         .collect();
     mesh(&vertices, &faces)
-}
-
-fn pose(translation: [f64; 3], turn_about_z: f64) -> Pose {
-    let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), turn_about_z);
-    let mut rows = [[0.0; 4]; 4];
-    for r in 0..3 {
-        for c in 0..3 {
-            rows[r][c] = turn[(r, c)];
-        }
-        rows[r][3] = translation[r];
-    }
-    rows[3][3] = 1.0;
-    Pose::from_matrix("world_from_mesh", &rows).expect("a rigid transform")
 }
 
 /// The distance to a triangle as the least of the distances to its three edges and, where the
@@ -153,45 +138,6 @@ fn points_and_vertices_beyond_the_world_are_refused_by_index() {
 }
 
 #[test]
-fn a_posed_mesh_is_measured_in_the_world() {
-    // Turned by 90 degrees about z, the triangle's x edge runs along y from (5, 0, 0).
-    let world_from_mesh = pose([5.0, 0.0, 0.0], FRAC_PI_2);
-    let truth = MeshTruth::posed(&right_triangle(), &world_from_mesh).unwrap();
-    let found = truth
-        .distances(&[Point::new(5.0, 3.0, 0.0), Point::new(4.8, 0.2, 7.0)])
-        .unwrap();
-    assert!((found[0] - 2.0).abs() < 1e-12 && (found[1] - 7.0).abs() < 1e-12);
-}
-
-#[test]
-fn a_scene_names_the_nearest_mesh_and_the_first_of_equals() {
-    let unit = cube();
-    let at = |x: f64| (&unit, pose([x, 0.0, 0.0], 0.0));
-    let scene = SceneTruth::new(&[at(0.0), at(3.0), at(3.0)]).unwrap();
-    let points = [[0.6, 0.0, 0.0], [1.5, 0.0, 0.0], [2.25, 0.0, 0.0]].map(Point::from);
-    let found = scene.nearest(&points).unwrap();
-    let meshes: Vec<usize> = found.iter().map(|nearest| nearest.mesh).collect();
-    assert_eq!(meshes, [0, 0, 1]);
-    for (nearest, expected) in found.iter().zip([0.1, 1.0, 0.25]) {
-        assert!((nearest.distance_m - expected).abs() < 1e-15);
-    }
-    assert_eq!(found[2].within(0.25), Some(1));
-    assert_eq!(found[2].within(0.2), None);
-    for (index, mesh) in scene.meshes().iter().enumerate() {
-        let own = mesh.distances(&points).unwrap();
-        for (nearest, own) in found.iter().zip(own) {
-            assert!(
-                own > nearest.distance_m || (own == nearest.distance_m && index >= nearest.mesh)
-            );
-        }
-    }
-    assert_eq!(
-        SceneTruth::new(&[]).unwrap_err().to_string(),
-        "the scene has no mesh to measure against; pass at least one"
-    );
-}
-
-#[test]
 fn results_do_not_depend_on_threads_order_or_company() {
     let truth = MeshTruth::new(&cube()).unwrap();
     let points: Vec<Point> = (0..3000)
@@ -266,16 +212,16 @@ proptest! {
         faces in faces(),
         point in prop::array::uniform3(-2.0..2.0_f64),
         shift in prop::array::uniform3(-3.0..3.0_f64),
-        turn in -3.0..3.0_f64,
+        turn in prop::array::uniform3(-3.0..3.0_f64),
     ) {
         let mesh = soup(&faces);
-        let world_from_mesh = pose(shift, turn);
-        let point_mesh = Point::from(point);
-        let here = MeshTruth::new(&mesh).unwrap().distances(&[point_mesh]).unwrap()[0];
-        let there = MeshTruth::posed(&mesh, &world_from_mesh)
-            .unwrap()
-            .distances(&[world_from_mesh.transform_point(&point_mesh)])
-            .unwrap()[0];
+        let world_from_mesh = Isometry3::new(Vector3::from(shift), turn.into());
+        let world = |mesh_point: &Point| world_from_mesh * mesh_point;
+        let vertices = mesh.vertices().iter().map(world).collect();
+        let moved = TriMesh::new(vertices, mesh.faces().to_vec()).unwrap();
+        let point = Point::from(point);
+        let here = MeshTruth::new(&mesh).unwrap().distances(&[point]).unwrap()[0];
+        let there = MeshTruth::new(&moved).unwrap().distances(&[world(&point)]).unwrap()[0];
         prop_assert!((here - there).abs() <= 1e-9);
     }
 }

@@ -1,6 +1,6 @@
 //! The metrics together: what is undefined, what is refused, and laws that hold on any input.
 
-use credence_score::{BinaryMetrics, RiskCoverage, TOLERANCES_M, sweep_tolerances};
+use credence_score::{BinaryMetrics, RiskCoverage};
 use proptest::prelude::*;
 
 const UNSCORED: [fn(&BinaryMetrics) -> Option<f64>; 13] = [
@@ -87,16 +87,6 @@ fn arrays_of_different_lengths_are_refused_by_name() {
     assert!(message(&[true; 2], &one, &two).starts_with("probability holds 1"));
     assert!(message(&[true; 2], &two, &one).starts_with("decision_confidence holds 1"));
     assert!(message(&[true; 2], &[0.5, 1.5], &two).contains("probability[1] is 1.5"));
-}
-
-#[test]
-fn one_measurement_serves_every_tolerance() {
-    let distances = [0.001, 0.004, 0.008, 0.02];
-    let predicted = [true, true, true, false];
-    let swept = sweep_tolerances(&distances, &TOLERANCES_M, &predicted, None, None).unwrap();
-    let precisions: Vec<Option<f64>> = swept.iter().map(|m| m.confusion.precision()).collect();
-    assert_eq!(precisions, [Some(1.0 / 3.0), Some(2.0 / 3.0), Some(1.0)]);
-    assert!(sweep_tolerances(&distances, &[-1.0], &predicted, None, None).is_err());
 }
 
 /// Points with probabilities and confidences on a coarse grid, so that many are tied.

@@ -1,7 +1,7 @@
 //! Depths along rays, against worked examples and against every face in turn.
 
-use credence_score::{MeshTruth, SceneTruth};
-use credence_types::{Intrinsics, Point, Pose, TriMesh};
+use credence_score::MeshTruth;
+use credence_types::{Intrinsics, Point, TriMesh};
 use nalgebra::Vector3;
 use proptest::prelude::*;
 
@@ -46,29 +46,6 @@ fn depth_counts_in_lengths_of_the_direction() {
         .collect();
     let depths = truth.ray_depths(&[Point::origin(); 25], &rays).unwrap();
     assert!(depths.iter().all(|depth| (depth - 1.0).abs() < 1e-15));
-}
-
-#[test]
-fn the_nearest_of_several_posed_meshes_is_seen() {
-    let plane = square(0.0);
-    let lift = |z: f64| {
-        let mut rows = [[0.0; 4]; 4];
-        for (k, row) in rows.iter_mut().enumerate() {
-            row[k] = 1.0;
-        }
-        rows[2][3] = z;
-        Pose::from_matrix("world_from_mesh", &rows).unwrap()
-    };
-    let posed = [
-        (&plane, lift(3.0)),
-        (&plane, lift(1.0)),
-        (&plane, lift(2.0)),
-    ];
-    let scene = SceneTruth::new(&posed).unwrap();
-    let origins = [[0.1, 0.2, 0.0], [0.1, 0.2, 1.5], [5.0, 0.0, 0.0]].map(Point::from);
-    let depths = scene.ray_depths(&origins, &[Vector3::z(); 3]).unwrap();
-    assert_eq!(depths[..2], [1.0, 0.5]);
-    assert!(depths[2].is_nan());
 }
 
 #[test]

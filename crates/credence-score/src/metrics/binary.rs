@@ -7,7 +7,7 @@ use super::{
     ranking::{auroc_of, average_precision_of, tie_groups},
     selective::RiskCoverage,
 };
-use crate::{ScoreError, error::same_length, truth::on_surface};
+use crate::{ScoreError, error::same_length};
 
 /// Every metric of binary predictions. `None` marks what is undefined on these points, or what
 /// needs an array that was not given.
@@ -126,24 +126,4 @@ impl BinaryMetrics {
         self.precision_at_80 = positives.risk_at(0.8)?.map(|risk| 1.0 - risk);
         Ok(())
     }
-}
-
-/// Scores the same predictions at several tolerances from one measurement of the distances.
-///
-/// # Errors
-/// What [`on_surface`] and [`BinaryMetrics::evaluate`] refuse.
-pub fn sweep_tolerances(
-    distances_m: &[f64],
-    tolerances_m: &[f64],
-    predicted: &[bool],
-    probability: Option<&[f64]>,
-    decision_confidence: Option<&[f64]>,
-) -> Result<Vec<BinaryMetrics>, ScoreError> {
-    tolerances_m
-        .iter()
-        .map(|&tolerance_m| {
-            let truth = on_surface(distances_m, tolerance_m)?;
-            BinaryMetrics::evaluate(predicted, &truth, probability, decision_confidence)
-        })
-        .collect()
 }

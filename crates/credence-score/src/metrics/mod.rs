@@ -6,7 +6,7 @@ mod confusion;
 mod ranking;
 mod selective;
 
-pub use binary::{BinaryMetrics, sweep_tolerances};
+pub use binary::BinaryMetrics;
 pub use calibration::{
     Binning, DEFAULT_BINS, ReliabilityBin, brier_score, expected_calibration_error,
     negative_log_likelihood, reliability,

@@ -70,7 +70,7 @@ pub fn auroc(probability: &[f64], truth: &[bool]) -> Result<Option<f64>, ScoreEr
     Ok(auroc_of(&tie_groups(probability, truth)?))
 }
 
-/// Average precision: the sum over rising thresholds of the gain in recall times the precision
+/// Average precision: the sum over falling thresholds of the gain in recall times the precision
 /// reached, AP = sum (`R_n` - `R_(n-1)`) `P_n`, without interpolation. Tied points enter together.
 ///
 /// `None` where positives are missing.

@@ -1,6 +1,6 @@
 use std::sync::OnceLock;
 
-use credence_types::{Point, Pose, TriMesh};
+use credence_types::{Point, TriMesh};
 use nalgebra::Vector3;
 use parry3d_f64::{
     bounding_volume::Aabb,
@@ -37,29 +37,13 @@ pub struct MeshTruth {
 }
 
 impl MeshTruth {
-    /// The truth of a mesh in the mesh's own frame.
+    /// The truth of a mesh, in the frame of its vertices.
     ///
     /// # Errors
     /// No face with an area, a vertex beyond [`MAX_COORDINATE_M`].
     pub fn new(mesh: &TriMesh) -> Result<Self, ScoreError> {
-        Self::from_vertices(mesh.vertices(), mesh.faces())
-    }
-
-    /// The truth of a posed mesh, in the world.
-    ///
-    /// # Errors
-    /// As [`MeshTruth::new`].
-    pub fn posed(mesh: &TriMesh, world_from_mesh: &Pose) -> Result<Self, ScoreError> {
-        let vertices_world: Vec<Point> = mesh
-            .vertices()
-            .iter()
-            .map(|vertex| world_from_mesh.transform_point(vertex))
-            .collect();
-        Self::from_vertices(&vertices_world, mesh.faces())
-    }
-
-    fn from_vertices(vertices: &[Point], faces: &[[u32; 3]]) -> Result<Self, ScoreError> {
-        let vertices = finite_points("vertices", vertices)?;
+        let vertices = finite_points("vertices", mesh.vertices())?;
+        let faces = mesh.faces();
         let scale = vertices
             .iter()
             .fold(0.0_f64, |scale, v| scale.max(v.abs().max_element()));
@@ -97,7 +81,7 @@ impl MeshTruth {
     pub fn distances(&self, points: &[Point]) -> Result<Vec<f64>, ScoreError> {
         let points = finite_points("points", points)?;
         Ok(for_each_point(&points, |point| {
-            self.squared_distance(point, f64::INFINITY).sqrt()
+            self.tree.squared_distance(point).sqrt()
         }))
     }
 
@@ -117,23 +101,21 @@ impl MeshTruth {
         directions: &[Vector3<f64>],
     ) -> Result<Vec<f64>, ScoreError> {
         let rays = rays(origins, directions)?;
-        Ok(for_each_ray(&rays, |ray| self.first_hit(ray, f64::MAX)))
+        Ok(rays
+            .par_iter()
+            .with_min_len(POINTS_PER_TASK)
+            .map(|ray| self.first_hit(ray).unwrap_or(f64::NAN))
+            .collect())
     }
 
-    /// The squared distance to the mesh, or `limit` where it is not nearer than that.
-    #[inline]
-    pub(super) fn squared_distance(&self, point: Vector, limit: f64) -> f64 {
-        self.tree.squared_distance(point, limit)
-    }
-
-    /// Where a ray first meets the mesh before `limit`.
-    pub(super) fn first_hit(&self, ray: &Ray, limit: f64) -> Option<f64> {
+    /// Where a ray first meets the mesh.
+    fn first_hit(&self, ray: &Ray) -> Option<f64> {
         let faces = self.tree.faces();
         let tree = self.ray_tree.get_or_init(|| {
             let boxes: Vec<Aabb> = faces.iter().map(Triangle::local_aabb).collect();
             Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes)
         });
-        tree.cast_ray(ray, limit, |face, best| {
+        tree.cast_ray(ray, f64::MAX, |face, best| {
             faces[face as usize].cast_local_ray(ray, best, false)
         })
         .map(|(_, depth)| depth)
@@ -141,33 +123,22 @@ impl MeshTruth {
 }
 
 /// Maps every point in parallel, near ones together, and returns the results in the points' order.
-pub(super) fn for_each_point<T: Copy + Default + Send>(
-    points: &[Vector],
-    map: impl Fn(Vector) -> T + Sync,
-) -> Vec<T> {
+fn for_each_point(points: &[Vector], map: impl Fn(Vector) -> f64 + Sync) -> Vec<f64> {
     let order = morton_order(points);
-    let values: Vec<T> = order
+    let values: Vec<f64> = order
         .par_iter()
         .with_min_len(POINTS_PER_TASK)
         .map(|&index| map(points[index]))
         .collect();
-    let mut results = vec![T::default(); points.len()];
+    let mut results = vec![0.0; points.len()];
     for (index, value) in order.into_iter().zip(values) {
         results[index] = value;
     }
     results
 }
 
-/// Casts every ray in parallel; NaN where it misses.
-pub(super) fn for_each_ray(rays: &[Ray], hit: impl Fn(&Ray) -> Option<f64> + Sync) -> Vec<f64> {
-    rays.par_iter()
-        .with_min_len(POINTS_PER_TASK)
-        .map(|ray| hit(ray).unwrap_or(f64::NAN))
-        .collect()
-}
-
 /// Rays from checked origins and directions.
-pub(super) fn rays(origins: &[Point], directions: &[Vector3<f64>]) -> Result<Vec<Ray>, ScoreError> {
+fn rays(origins: &[Point], directions: &[Vector3<f64>]) -> Result<Vec<Ray>, ScoreError> {
     same_length(("directions", directions.len()), ("origins", origins.len()))?;
     let origins = finite_points("origins", origins)?;
     origins
