@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from harness.native import CLASS_NAMES, MeshTruth, Pipeline, binary_metrics
+from harness.native import CLASS_NAMES, MeshTruth, Pipeline, binary_metrics, nearest_observation
 from harness.protocol import box_test_points, true_categories
 from harness.runs.records import Record, SceneResult, Timing, Variant
 from sim_scenes import DepthNoise, SceneSpec, load_object_set, simulate
@@ -146,16 +146,20 @@ def evaluate_scene(
 
     with clock.stage("truth"):
         distances_m = np.stack([mesh_truth(item).distances(test_points) for item in scene.objects])
+    data_distance_m = nearest_observation(points=test_points, observed=training.points_world)
 
     records = []
     for model in pipeline.models:
         predictions = pipeline.classify(mapped.id, training, test_points, model=model)
+        if model == pipeline.models[0]:
+            pipeline.annotate(mapped.id, test_points, predictions)
         with clock.stage("score", model=model):
             records += [
                 score(
                     predictions,
                     truth=true_categories(distances_m, scene.objects, tolerance_m=tolerance_m)
                     == target.category,
+                    data_distance_m=data_distance_m,
                     target=target,
                     training=training,
                     identity={
@@ -204,11 +208,16 @@ def score(
     predictions: Predictions,
     *,
     truth: npt.NDArray[np.bool_],
+    data_distance_m: npt.NDArray[np.float64],
     target: SceneObject,
     training: TrainingSet,
     identity: dict[str, Any],
 ) -> Record:
     """Score one model's predictions at one tolerance.
+
+    The metrics of ranking and calibration judge the classifier alone, by its raw probability of
+    the target's category. Decisions are ranked by the confidence, that probability times the
+    segmenter's score. Under the oracle, whose score is 1, the two are the same numbers.
 
     Parameters
     ----------
@@ -216,6 +225,8 @@ def score(
         Of the test points.
     truth : (n,) bool
         Whether each point lies on an object of the target's category.
+    data_distance_m : (n,) float64
+        Distance of each point to the nearest training point, metres.
     target
         The object asked about.
     training
@@ -225,13 +236,16 @@ def score(
     """
     target_class = CLASS_NAMES.index(target.category)
     predicted = predictions.classes == target_class
-    on_object = predictions.confidence
-    decision = np.where(predicted, on_object, 1.0 - on_object)
+    decision = np.where(predicted, predictions.confidence, 1.0 - predictions.confidence)
     metrics = binary_metrics(
-        predicted=predicted, truth=truth, probability=on_object, decision_confidence=decision
+        predicted=predicted,
+        truth=truth,
+        probability=category_probability(predictions, target.category),
+        decision_confidence=decision,
     )
-    by_variance = binary_metrics(
-        predicted=predicted, truth=truth, decision_confidence=predictions.score
+    aurc_by_score, aurc_by_nearness = (
+        binary_metrics(predicted=predicted, truth=truth, decision_confidence=ranking)["aurc"]
+        for ranking in (predictions.score, -data_distance_m)
     )
     names = {item.name for item in fields(Record)}
     # A map that takes the target for something else has no process of its category.
@@ -240,14 +254,25 @@ def score(
     return Record(
         **identity,
         **cast("dict[str, Any]", {name: metrics[name] for name in metrics.keys() & names}),
-        score_aurc=by_variance["aurc"],
+        nearest_aurc=aurc_by_nearness,
+        score_aurc=aurc_by_score,
         test_points=len(truth),
-        object_training_points=int(np.count_nonzero(training.classes)),
+        object_training_points=int(np.count_nonzero(training.classes == target_class)),
         free_training_points=int(np.count_nonzero(training.classes == 0)),
         clamped_share=predictions.clamped_share,
         jitter=predictions.jitter,
+        fits_unconverged=predictions.fits_unconverged,
+        fits_at_bound=predictions.fits_at_bound,
         lengthscale_m=object_process.lengthscale_m if object_process else None,
         outputscale=object_process.outputscale if object_process else None,
         lengthscale_free_m=free_process.lengthscale_m,
         outputscale_free=free_process.outputscale,
     )
+
+
+def category_probability(predictions: Predictions, category: str) -> npt.NDArray[np.float64]:
+    """Probability (n,) of a category at each point; 0 where the classifier does not know it."""
+    if category not in predictions.class_names:
+        return np.zeros(len(predictions.probabilities))
+    column = predictions.class_names.index(category)
+    return np.ascontiguousarray(predictions.probabilities[:, column])

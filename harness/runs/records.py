@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from harness.runs.job import SceneJob
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 """Counts up with every change of a column's name, type or meaning."""
 
 METRICS = (
@@ -39,6 +39,8 @@ METRICS = (
     "nll",
     "aurc",
     "excess_aurc",
+    "random_aurc",
+    "nearest_aurc",
     "risk_at_50",
     "risk_at_80",
     "score_aurc",
@@ -83,14 +85,22 @@ class Record:
         ``ok``, or ``failed`` with the reason.
     redraws
         Arrangements thrown away before one was reachable.
+    object_training_points, free_training_points
+        Training points of the target's category, and of free space; neighbours have the rest.
     tp, tn, fp, fn
         Test points by prediction and truth.
+    random_aurc, nearest_aurc
+        AURC of the same decisions in random order, and ranked by closeness to the nearest training
+        point: what a confidence must beat.
     score_aurc
         AURC of the seed's min-max score (its Eqs. 2 and 3).
     clamped_share
         Share of test points whose variance was negative and clamped; 0 for a sound covariance.
     jitter
         Value added to the covariance's diagonal to factorise it.
+    fits_unconverged, fits_at_bound
+        Number of processes whose fit stopped before it converged, and of those with a
+        hyperparameter at the bound of its range.
     lengthscale_m, outputscale, lengthscale_free_m, outputscale_free
         Fitted hyperparameters of the object's and of the free-space process.
     """
@@ -127,11 +137,15 @@ class Record:
     nll: float | None = None
     aurc: float | None = None
     excess_aurc: float | None = None
+    random_aurc: float | None = None
+    nearest_aurc: float | None = None
     risk_at_50: float | None = None
     risk_at_80: float | None = None
     score_aurc: float | None = None
     clamped_share: float | None = None
     jitter: float | None = None
+    fits_unconverged: int | None = None
+    fits_at_bound: int | None = None
     lengthscale_m: float | None = None
     outputscale: float | None = None
     lengthscale_free_m: float | None = None

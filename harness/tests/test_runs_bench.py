@@ -195,7 +195,7 @@ def test_ctrl_c_keeps_the_finished_scenes_and_says_how_to_go_on(
     assert stable_bytes(folder) == undisturbed
 
 
-@pytest.mark.parametrize("damage", [b"", b'{"schema_version": 1, "sha256": "0"}\n{}\n'])
+@pytest.mark.parametrize("damage", [b"", b'{"schema_version": 2, "sha256": "0"}\n{}\n'])
 def test_a_damaged_scene_is_computed_again_and_said_so(
     folder: Path, undisturbed: dict[str, bytes], damage: bytes
 ) -> None:
@@ -272,7 +272,8 @@ def test_other_objects_and_other_schemas_are_refused(folder: Path) -> None:
     path = folder / "manifest.json"
     manifest = json.loads(path.read_text(encoding="utf-8"))
     path.write_text(json.dumps(manifest | {"schema_version": 0}), encoding="utf-8")
-    with pytest.raises(InputError, match="written with record schema 0, this version writes 1"):
+    versions = f"written with record schema 0, this version writes {SCHEMA_VERSION}"
+    with pytest.raises(InputError, match=versions):
         bench(folder)
     path.write_text("{", encoding="utf-8")
     with pytest.raises(InputError, match=r"manifest.json cannot be read .*choose another folder"):

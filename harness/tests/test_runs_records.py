@@ -139,8 +139,8 @@ def test_a_fragment_that_was_cut_or_altered_is_noticed(tmp_path: Path) -> None:
     path.write_bytes(whole.replace(b'"tp": ', b'"tp": 1'))
     with pytest.raises(DamagedFragmentError, match="checksum"):
         read_fragment(path, job=JOB)
-    path.write_bytes(whole.replace(b'"schema_version": 1', b'"schema_version": 0'))
-    with pytest.raises(DamagedFragmentError, match="schema 0, not 1"):
+    path.write_bytes(whole.replace(b'"schema_version": 2', b'"schema_version": 1'))
+    with pytest.raises(DamagedFragmentError, match="schema 1, not 2"):
         read_fragment(path, job=JOB)
     path.write_bytes(whole)
     with pytest.raises(DamagedFragmentError, match="another scene's result"):

@@ -11,13 +11,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
+from harness import scene_run
 from harness.config import Config
+from harness.protocol import box_test_points
 from harness.runs.job import SceneJob
 from harness.runs.records import METRICS, Record, Variant
 from harness.scene_run import (
     SceneFailure,
     StageClock,
+    category_probability,
     evaluate_scene,
     find_mapped,
     map_scene,
@@ -27,7 +31,7 @@ from harness.scene_run import (
 )
 
 if TYPE_CHECKING:
-    from harness.native import MappedObject
+    from harness.native import MappedObject, Pipeline
     from sim_scenes import Scene
 
 CONFIG = Config.model_validate(
@@ -85,6 +89,14 @@ def test_records_are_complete(scene: Scene, records: list[Record]) -> None:
         assert (record.object_training_points, record.free_training_points) == (120, 120)
         assert [name for name in METRICS if getattr(record, name) is None] == []
         assert (record.clamped_share, record.jitter) == (0.0, 0.0)
+        for fits in (record.fits_unconverged, record.fits_at_bound):
+            assert fits is not None
+            assert 0 <= fits <= 2
+        assert record.accuracy is not None
+        error_rate = 1 - record.accuracy
+        assert record.random_aurc == pytest.approx(error_rate, abs=1e-12)
+        assert record.aurc is not None
+        assert record.aurc < error_rate
         for scale in (record.lengthscale_m, record.lengthscale_free_m):
             assert scale is not None
             assert scale > 0
@@ -102,6 +114,34 @@ def test_a_wider_tolerance_finds_more_positives(records: list[Record]) -> None:
 
 def test_a_classifier_is_better_than_chance(records: list[Record]) -> None:
     assert all(record.auroc is not None and record.auroc > 0.6 for record in records)
+
+
+def test_under_the_oracle_the_confidence_is_the_probability(scene: Scene) -> None:
+    pipeline = map_scene(scene, config=CONFIG)
+    (item,) = pipeline.objects()
+    training = pipeline.training_set(item.id, seed=JOB.seed)
+    points = box_test_points(scene.objects[0], count=100, seed=JOB.seed)
+    predictions = pipeline.classify(item.id, training, points)
+    assert_array_equal(category_probability(predictions, "mug"), predictions.confidence)
+
+
+def test_the_maps_voxels_carry_the_confidences(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pipelines: list[Pipeline] = []
+
+    def mapped_scene(scene: Scene, *, config: Config) -> Pipeline:
+        pipelines.append(map_scene(scene, config=config))
+        assert np.isnan(pipelines[0].voxels().confidence).all()
+        return pipelines[0]
+
+    monkeypatch.setattr(scene_run, "map_scene", mapped_scene)
+    evaluate(scene)
+    voxels = pipelines[0].voxels()
+    known = voxels.confidence[~np.isnan(voxels.confidence)]
+    assert len(known) > 20
+    assert ((known >= 0) & (known <= 1)).all()
+    assert set(voxels.object_ids[~np.isnan(voxels.confidence)]) == {1}
 
 
 def test_the_same_scene_gives_the_same_bits(scene: Scene, records: list[Record]) -> None:
