@@ -56,5 +56,7 @@ def explanation(table: Table) -> str:
         "Mean over scenes with 95 % bootstrap (BCa) interval; TP to FN are fractions of the test "
         f"points. A point lies on the mesh within {millimetres(table.reported_tolerance_m)} of it. "
         f"{UNDEFINED} is undefined; n (or 'defined in') counts the scenes that define a value. "
-        "Seed: its Table III, whose 'Acc.' column is precision."
+        "Seed: its Table III, whose 'Acc.' column is precision. Random and nearest are the AURC of "
+        "the same decisions in random order and by closeness to the training points: a confidence "
+        "worth having lies below both."
     )

@@ -52,12 +52,22 @@ FURTHER_COLUMNS = (
     Column("average_precision", "AP"),
     Column("ece", "ECE"),
     Column("brier", "Brier"),
+)
+"""What else a classifier is judged by."""
+
+CONFIDENCE_COLUMNS = (
     Column("aurc", "AURC"),
+    Column("random_aurc", "random"),
+    Column("nearest_aurc", "nearest"),
     Column("risk_at_50", "risk@50"),
     Column("risk_at_80", "risk@80"),
 )
+"""How well a confidence ranks the decisions, and the baselines it must beat."""
 
-COLUMNS = SEED_COLUMNS + FURTHER_COLUMNS
+PARTS = (SEED_COLUMNS, FURTHER_COLUMNS, CONFIDENCE_COLUMNS)
+"""The tables that a page too narrow for one shows."""
+
+COLUMNS = tuple(column for part in PARTS for column in part)
 
 SWEEP_COLUMNS = tuple(
     column

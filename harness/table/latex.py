@@ -15,7 +15,7 @@ from harness.table.cells import (
     scene_count,
     signed,
 )
-from harness.table.columns import FURTHER_COLUMNS, SEED_COLUMNS, SWEEP_COLUMNS, Column
+from harness.table.columns import PARTS, SWEEP_COLUMNS, Column
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -47,7 +47,7 @@ def escape(text: str) -> str:
 def render_latex(table: Table) -> str:
     """Set a tabular for each part of the table, to be put into floats."""
     lines = [f"% {explanation(table)}", r"% \usepackage{booktabs}"]
-    for columns in (SEED_COLUMNS, FURTHER_COLUMNS):
+    for columns in PARTS:
         headings = ["", *(column.heading for column in columns)]
         lines += _tabular(headings, _main(table.rows, columns))
     if len({row.tolerance_m for row in table.sweep}) > 1:

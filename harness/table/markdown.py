@@ -13,7 +13,7 @@ from harness.table.cells import (
     partial_count,
     signed,
 )
-from harness.table.columns import FURTHER_COLUMNS, SEED_COLUMNS, SWEEP_COLUMNS, Column
+from harness.table.columns import PARTS, SWEEP_COLUMNS, Column
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def render_markdown(table: Table) -> str:
     """Write the table as a Markdown page, the seed's columns first."""
     lines = ["# Results", "", explanation(table), ""]
-    for columns in (SEED_COLUMNS, FURTHER_COLUMNS):
+    for columns in PARTS:
         lines += [*_main(table.rows, columns), ""]
     if len({row.tolerance_m for row in table.sweep}) > 1:
         lines += ["## By tolerance", "", *_sweep(table.sweep), ""]

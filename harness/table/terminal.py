@@ -18,13 +18,7 @@ from harness.table.cells import (
     scene_count,
     signed,
 )
-from harness.table.columns import (
-    COLUMNS,
-    FURTHER_COLUMNS,
-    SEED_COLUMNS,
-    SWEEP_COLUMNS,
-    Column,
-)
+from harness.table.columns import COLUMNS, PARTS, SWEEP_COLUMNS, Column
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -101,16 +95,14 @@ def _column_width(column: Column) -> int:
 
 
 def _stacks(rows: Sequence[Row], *, width: int) -> list[Sequence[Column]]:
-    """All columns if they fit; else the seed's first and the further ones below."""
+    """All columns if they fit; else the seed's first and the other parts below."""
     labels = [label for row in rows for label, _ in _lines(row, COLUMNS)]
     label_width = max(len(label) for label in labels)
     whole = _chunks(COLUMNS, label_width=label_width, width=width)
     if len(whole) == 1:
         return whole
     return [
-        chunk
-        for part in (SEED_COLUMNS, FURTHER_COLUMNS)
-        for chunk in _chunks(part, label_width=label_width, width=width)
+        chunk for part in PARTS for chunk in _chunks(part, label_width=label_width, width=width)
     ]
 
 

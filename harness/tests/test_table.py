@@ -178,6 +178,15 @@ def test_no_width_cuts_a_number_or_a_heading(table: Table, width: int) -> None:
     assert (tables == 1) == (width >= 200)
 
 
+@pytest.mark.parametrize("width", [80, 100, 120])
+def test_a_confidence_stands_beside_its_baselines(width: int) -> None:
+    values: dict[str, Any] = {"aurc": 0.1, "random_aurc": 0.4, "nearest_aurc": 0.3}
+    text = shown(table_of([record(0, (1, 1, 1, 1), **values)]), width=width)
+    assert line(text, "AURC") == ["AURC", "random", "nearest", "risk@50", "risk@80"]
+    below = text[text.index("AURC   ") :]
+    assert line(below, "Mug classic")[1:4] == ["0.100", "0.400", "0.300"]
+
+
 def test_terminal_without_a_scene() -> None:
     assert "no scene was scored" in shown(table_of([]), width=80)
     (row,) = table_of([failed(0)]).rows
@@ -198,11 +207,11 @@ def test_markdown(table: Table) -> None:
 
 def test_latex(table: Table) -> None:
     text = render_latex(table)
-    assert text.count(r"\begin{tabular}") == text.count(r"\end{tabular}") == 3
+    assert text.count(r"\begin{tabular}") == text.count(r"\end{tabular}") == 4
     assert r"Mug classic & 0.200 & 0.550 & 0.100 & 0.150 & 0.667 & -- \\" in text
-    assert text.count(r"\toprule") == text.count(r"\bottomrule") == 3
+    assert text.count(r"\toprule") == text.count(r"\bottomrule") == 4
     body = [line for line in text.splitlines() if line.endswith(r"\\")]
-    assert {line.count(" & ") for line in body} == {6, 8, 10}
+    assert {line.count(" & ") for line in body} == {5, 6, 7, 8}
 
 
 def test_latex_sets_special_characters_as_they_are() -> None:
