@@ -9,19 +9,24 @@ from typing import TYPE_CHECKING
 
 import trimesh
 
-from sim_scenes.objects.draws import Split
+from sim_scenes.objects.bowl import BowlParams, Outline, Rim, Style
+from sim_scenes.objects.draws import Split, stream
 from sim_scenes.objects.errors import ObjectError
 from sim_scenes.objects.generate import encode_object
+from sim_scenes.objects.handle import Handle
 from sim_scenes.objects.manifest import CATEGORIES, Record, sha256_of, write_manifest
+from sim_scenes.objects.mug import Body, MugParams
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-# What is committed: the test split, and PyBullet's own mug. The seed is the smallest whose ten mugs
-# and ten bowls show every body, handle, outline and rim.
+    import numpy as np
+
+# What is committed: the test split, and PyBullet's own mug. The seed is the smallest that
+# `shows_every_kind`; how a scene of it is scored had no say.
 BENCHMARK_COUNTS = {"bottle": 3, "bowl": 10, "camera": 3, "can": 3, "laptop": 3, "mug": 10}
 BENCHMARK_SPLIT = Split.TEST
-BENCHMARK_SEED = 4
+BENCHMARK_SEED = 2
 MANIFEST = "MANIFEST.json"
 
 
@@ -106,6 +111,26 @@ def generate_assets(
         records.append(pybullet_mug())
     write_manifest(out / MANIFEST, records)
     return records
+
+
+def shows_every_kind(seed: int) -> bool:
+    """Whether the benchmark's mugs and bowls show every body, handle, style, outline and rim."""
+
+    def streams(category: str) -> list[np.random.Generator]:
+        return [
+            stream(split=BENCHMARK_SPLIT, category=category, index=index, seed=seed)
+            for index in range(BENCHMARK_COUNTS[category])
+        ]
+
+    mugs = [MugParams.draw(random) for random in streams("mug")]
+    bowls = [BowlParams.draw(random) for random in streams("bowl")]
+    return (
+        {mug.body for mug in mugs} == set(Body)
+        and {mug.handle.kind for mug in mugs} == set(Handle)
+        and {bowl.style for bowl in bowls} == set(Style)
+        and {bowl.outline for bowl in bowls} == set(Outline)
+        and {bowl.rim for bowl in bowls} == set(Rim)
+    )
 
 
 def pybullet_mug() -> Record:

@@ -5,7 +5,13 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from harness.assets import BENCHMARK_COUNTS, Progress, generate_assets
+from harness.assets import (
+    BENCHMARK_COUNTS,
+    BENCHMARK_SEED,
+    Progress,
+    generate_assets,
+    shows_every_kind,
+)
 from sim_scenes.objects import CATEGORIES, ObjectError, load_object_set
 from sim_scenes.objects.object_set import BENCHMARK_FOLDER
 
@@ -83,6 +89,11 @@ def test_the_committed_set_is_the_benchmark() -> None:
     text = (BENCHMARK_FOLDER / "MANIFEST.json").read_text(encoding="utf-8")
     needed = {"sha256", "category", "extents_m", "license", "watertight", "source"}
     assert all(needed <= set(entry) for entry in json.loads(text))
+
+
+def test_the_benchmark_s_seed_is_the_smallest_that_shows_every_kind() -> None:
+    # By hand: seed 0 draws neither an ear nor a square handle, seed 1 no cereal bowl.
+    assert [shows_every_kind(seed) for seed in range(BENCHMARK_SEED + 1)] == [False, False, True]
 
 
 @pytest.mark.slow
