@@ -22,6 +22,9 @@ use crate::GpError;
 /// # Arguments
 ///
 /// * `variance`: variance per test point, finite.
+///
+/// # Errors
+/// A variance that is not finite.
 pub fn confidence(variance: &[f64]) -> Result<Vec<f64>, GpError> {
     if let Some(index) = variance.iter().position(|v| !v.is_finite()) {
         return Err(GpError::Variance {

@@ -29,7 +29,7 @@ const OUTPUTSCALE_RANGE: (f64, f64) = (1e-4, 1e4);
 /// Lengthscales, as shares of the extent, of which the likeliest is the start.
 const STARTS: [f64; 3] = [1.0 / 32.0, 1.0 / 8.0, 1.0 / 2.0];
 
-/// Likelihoods that one iteration of the search may take on average before it is given up.
+/// Likelihoods per iteration that all runs together may take before the search is given up.
 const EVALUATIONS_PER_ITERATION: usize = 5;
 
 /// Steps that the quasi-Newton method remembers.
@@ -47,7 +47,8 @@ pub struct FitConfig {
     /// Where to start; if `None`, the likeliest of three lengthscales between 1/32 and 1/2 of the
     /// points' extent, with the variance of the targets as outputscale.
     pub start: Option<Start>,
-    /// Iterations of the search, by default 50. With 0 the start itself is returned.
+    /// Iterations of each of at most 3 runs of the search, by default 50. With 0 the start itself
+    /// is returned.
     pub max_iterations: u64,
     /// The search ends where the norm of the gradient of the likelihood per datum, by the search
     /// coordinates, falls below this; by default 1e-5.
@@ -101,6 +102,8 @@ pub struct Fit {
     pub per_datum: f64,
     /// Likelihoods and gradients computed.
     pub evaluations: usize,
+    /// Jitter that the covariance needed at these hyperparameters to be factorised, 0 as a rule.
+    pub jitter: f64,
     /// Whether the search ended by its tolerances; if not, it ran out of iterations or got stuck.
     pub converged: bool,
     /// Whether the lengthscale or the outputscale ended at the edge of the range searched:
@@ -141,7 +144,10 @@ pub(crate) fn fit_class(
             best: None,
             evaluations: 0,
         }),
-        budget: STARTS.len() + EVALUATIONS_PER_ITERATION * config.max_iterations as usize,
+        budget: usize::try_from(config.max_iterations)
+            .unwrap_or(usize::MAX)
+            .saturating_mul(EVALUATIONS_PER_ITERATION)
+            .saturating_add(STARTS.len()),
     };
 
     let starts = match config.start {
@@ -233,6 +239,7 @@ struct Seen {
     cost: f64,
     gradient: Vec<f64>,
     hyperparameters: Hyperparameters,
+    jitter: f64,
 }
 
 impl Objective<'_> {
@@ -281,6 +288,7 @@ impl Objective<'_> {
                 outputscale,
                 mean: evaluation.mean,
             },
+            jitter: evaluation.jitter,
         };
         if !(seen.cost.is_finite() && seen.gradient.iter().all(|g| g.is_finite())) {
             return Err(seen.hyperparameters.overflow("the likelihood", self.class));
@@ -340,6 +348,7 @@ impl Objective<'_> {
             hyperparameters: best.hyperparameters,
             per_datum: -best.cost,
             evaluations: self.trace.borrow().evaluations,
+            jitter: best.jitter,
             converged,
             at_bound: self.ranges[0].is_at_edge(lengthscale)
                 || self.ranges[1].is_at_edge(outputscale),

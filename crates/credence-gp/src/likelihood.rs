@@ -41,11 +41,12 @@ pub(crate) enum Mean {
     BestFit,
 }
 
-/// A likelihood, the mean it was computed at and the memory it took.
+/// A likelihood, the mean and jitter it was computed with, and the memory it took.
 #[derive(Debug)]
 pub(crate) struct Evaluation {
     pub(crate) likelihood: Likelihood,
     pub(crate) mean: f64,
+    pub(crate) jitter: f64,
     pub(crate) storage: Storage,
 }
 
@@ -106,6 +107,7 @@ pub(crate) fn evaluate(
             },
         },
         mean,
+        jitter: factor.jitter(),
         storage: factor.into_storage(),
     })
 }

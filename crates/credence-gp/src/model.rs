@@ -37,6 +37,9 @@ impl Default for DirichletGp {
 
 impl DirichletGp {
     /// Regression targets and noise of each class.
+    ///
+    /// # Errors
+    /// `alpha_epsilon` outside its range.
     pub fn targets(&self, training: &TrainingSet) -> Result<Vec<Targets>, GpError> {
         check_alpha_epsilon(self.alpha_epsilon)?;
         Ok((0..training.classes())
@@ -45,6 +48,10 @@ impl DirichletGp {
     }
 
     /// Log marginal likelihood of each class and its gradient.
+    ///
+    /// # Errors
+    /// A setting or hyperparameter outside its range, another number of them than classes, a
+    /// covariance that cannot be factorised, arithmetic that overflows.
     pub fn likelihood(
         &self,
         training: &TrainingSet,
@@ -86,6 +93,10 @@ impl DirichletGp {
     /// Hyperparameters of each class that maximise its marginal likelihood.
     ///
     /// With [`Covariance::MetricLiteral`] the likelihood is that of the embeddings, as K(X,X) is.
+    ///
+    /// # Errors
+    /// A setting outside its range, a subset with an index that does not exist or without a class,
+    /// a covariance that cannot be factorised, arithmetic that overflows.
     pub fn fit(
         &self,
         training: &TrainingSet,
@@ -126,6 +137,10 @@ impl DirichletGp {
     }
 
     /// Latent posterior at `test`, without observation noise.
+    ///
+    /// # Errors
+    /// Those of [`likelihood`](Self::likelihood), and test points of another dimension than the
+    /// training points.
     pub fn posterior(
         &self,
         training: &TrainingSet,
@@ -170,6 +185,9 @@ impl DirichletGp {
     }
 
     /// Latent posterior covariance between all test points for one class, M x M, as computed.
+    ///
+    /// # Errors
+    /// Those of [`posterior`](Self::posterior), and a class that does not exist.
     pub fn posterior_covariance(
         &self,
         training: &TrainingSet,

@@ -29,6 +29,10 @@ impl Points {
     /// * `name`: what the array is called in error messages.
     /// * `rows`: `len x dim` coordinates, row-major. No rows is allowed.
     /// * `dim`: coordinates per point.
+    ///
+    /// # Errors
+    /// No dimension, values that are no whole number of rows, a coordinate that is not finite or
+    /// beyond 1e150.
     pub fn from_rows(name: &'static str, rows: &[f64], dim: usize) -> Result<Self, GpError> {
         if dim == 0 {
             return Err(GpError::NoDimension { name });

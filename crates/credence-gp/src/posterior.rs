@@ -91,6 +91,9 @@ impl Posterior {
 
     /// Confidence per point, 1 where the predicted class's variance is smallest: the seed paper's
     /// Eqs. 2 and 3, see [`confidence`]. Comparable within one posterior only.
+    ///
+    /// # Errors
+    /// A variance that is not finite.
     pub fn confidence(&self) -> Result<Vec<f64>, GpError> {
         confidence(&self.predicted_variance())
     }

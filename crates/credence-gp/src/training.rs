@@ -16,6 +16,10 @@ impl TrainingSet {
     /// * `points`: N points. Duplicates are allowed, also with different labels.
     /// * `labels`: class index of each point, in `0..classes`.
     /// * `classes`: number of classes, at least 2.
+    ///
+    /// # Errors
+    /// Fewer than 2 classes, no points, labels of another number or out of range, a class without
+    /// a point.
     pub fn new(points: Points, labels: &[usize], classes: usize) -> Result<Self, GpError> {
         if classes < 2 {
             return Err(GpError::TooFewClasses { classes });

@@ -372,3 +372,79 @@ fn metric_literal_clamps_variances_below_zero_and_reports_their_share() {
     let expected = 1.0 - 10.0 / (1.0 + OWN.1) - 10.0 / (1.0 + OTHER.1);
     assert!((raw[0] - expected).abs() < 1e-12);
 }
+
+#[test]
+fn metric_literal_is_equation_1_computed_densely() {
+    // Three training points in the plane of embeddings and in space, two test points in space.
+    let embeddings = [[0.0, 0.0], [0.6, 0.8], [-1.0, 0.0]];
+    let coordinates = [[0.00, 0.00, 0.00], [0.03, 0.00, 0.04], [0.00, 0.12, 0.05]];
+    let tests = [[0.01, 0.02, 0.00], [0.05, 0.05, 0.05]];
+    let labels = [0, 1, 1];
+    let hyperparameters = [own(0.7, 2.0, -3.0), own(1.3, 0.9, -1.0)];
+    let coordinate_lengthscales = [0.08, 0.05];
+
+    // Matern 5/2: s (1 + a + a^2 / 3) exp(-a), a = sqrt(5) |p - q| / l.
+    let matern = |p: &[f64], q: &[f64], lengthscale: f64, outputscale: f64| {
+        let square: f64 = p.iter().zip(q).map(|(p, q)| (p - q).powi(2)).sum();
+        let a = (5.0 * square).sqrt() / lengthscale;
+        outputscale * (1.0 + a + a * a / 3.0) * (-a).exp()
+    };
+    // Inverse of a symmetric 3 x 3 matrix by its cofactors.
+    let inverse = |m: [[f64; 3]; 3]| {
+        let cofactor = |i: usize, j: usize| {
+            let ([a, b], [c, d]) = ([(i + 1) % 3, (i + 2) % 3], [(j + 1) % 3, (j + 2) % 3]);
+            m[a][c] * m[b][d] - m[a][d] * m[b][c]
+        };
+        let determinant: f64 = (0..3).map(|j| m[0][j] * cofactor(0, j)).sum();
+        [0, 1, 2].map(|i| [0, 1, 2].map(|j| cofactor(j, i) / determinant))
+    };
+
+    let space = |rows: &[[f64; 3]]| points(&rows.concat(), 3);
+    let training = TrainingSet::new(space(&coordinates), &labels, 2).unwrap();
+    let covariance = Covariance::MetricLiteral {
+        embeddings: points(&embeddings.concat(), 2),
+        coordinate_lengthscales: coordinate_lengthscales.to_vec(),
+    };
+    let posterior = DirichletGp::default()
+        .posterior(&training, &covariance, &hyperparameters, &space(&tests))
+        .unwrap();
+    for (class, h) in hyperparameters.iter().enumerate() {
+        let seen = labels.map(|label| if label == class { OWN } else { OTHER });
+        let gram = [0, 1, 2].map(|i| {
+            [0, 1, 2].map(|j| {
+                let k = matern(&embeddings[i], &embeddings[j], h.lengthscale, h.outputscale);
+                k + if i == j { seen[i].1 } else { 0.0 }
+            })
+        });
+        let gram = inverse(gram);
+        for (point, test) in tests.iter().enumerate() {
+            let lengthscale = coordinate_lengthscales[class];
+            let cross = coordinates.map(|x| matern(&x, test, lengthscale, h.outputscale));
+            let (mut mean, mut variance) = (h.mean, h.outputscale);
+            for i in 0..3 {
+                for j in 0..3 {
+                    mean += cross[i] * gram[i][j] * (seen[j].0 - h.mean);
+                    variance -= cross[i] * gram[i][j] * cross[j];
+                }
+            }
+            assert!(variance > 0.1, "not clamped: {variance}");
+            assert!((posterior.mean()[class][point] - mean).abs() < 1e-13);
+            assert!((posterior.variance()[class][point] - variance).abs() < 1e-13);
+        }
+    }
+    assert_eq!(posterior.clamped_share(), 0.0);
+}
+
+#[test]
+fn a_limit_beyond_counting_is_no_problem() {
+    let config = FitConfig {
+        max_iterations: u64::MAX,
+        ..FitConfig::default()
+    };
+    let training = slabs(4, 1.0);
+    let fits = DirichletGp::default().fit(&training, &CLASSIC, &config);
+    for fit in fits.unwrap() {
+        assert!(fit.converged);
+        assert_eq!(fit.jitter, 0.0);
+    }
+}
