@@ -1,17 +1,25 @@
 use credence_gp::{
-    Covariance, DirichletGp, FitConfig, Hyperparameters, Points, Smoothness, TrainingSet as GpSet,
+    Covariance, DirichletGp, Fit, FitConfig, Hyperparameters, Points, Smoothness,
+    TrainingSet as GpSet,
 };
-use credence_types::{Category, Point, Prediction, Predictions};
+use credence_types::{Category, Point, Prediction, Predictions, stream};
+use rand::seq::SliceRandom as _;
 
 use crate::{GpConfig, ModelChoice, PipelineError, SmoothnessChoice, TrainingSet};
+
+/// Seed of the choice of points to fit on: fixed, so that a training set alone decides a fit.
+const FIT_SEED: u64 = 0;
 
 /// Predictions, and the processes that made them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Classification {
-    /// What is said of each test point.
+    /// What is said of each test point. A point's confidence is the expectation of the softmax
+    /// under the posterior, for the object's category, times the segmenter's score; no calibration
+    /// follows.
     pub predictions: Predictions,
-    /// Fitted hyperparameters of each class in `predictions.classes`.
-    pub hyperparameters: Vec<Hyperparameters>,
+    /// Outcome of the fit of each class in `predictions.classes`: its hyperparameters, and whether
+    /// the search ended by its tolerances and inside its range.
+    pub fits: Vec<Fit>,
 }
 
 impl From<SmoothnessChoice> for Smoothness {
@@ -31,13 +39,17 @@ pub(crate) struct Fitted {
     covariance: Covariance,
     set: GpSet,
     classes: Vec<u8>,
-    hyperparameters: Vec<Hyperparameters>,
+    /// Position of the category asked for in `classes`.
+    asked: usize,
+    fits: Vec<Fit>,
 }
 
 impl Fitted {
-    /// Fits a model's hyperparameters on a stratified part of the training set.
+    /// Fits a model's hyperparameters on a stratified part of the training set, to tell `category`
+    /// from the rest.
     pub(crate) fn new(
         training: &TrainingSet,
+        category: Category,
         model: ModelChoice,
         config: &GpConfig,
     ) -> Result<Self, PipelineError> {
@@ -54,6 +66,9 @@ impl Fitted {
             &labels,
             classes.len(),
         )?;
+        let asked = classes
+            .binary_search(&category.class())
+            .map_err(|_place| PipelineError::CategoryNotTrained { category })?;
         let gp = DirichletGp {
             smoothness: config.smoothness.into(),
             ..DirichletGp::default()
@@ -66,35 +81,32 @@ impl Fitted {
             max_iterations: config.fit_iterations as u64,
             ..FitConfig::default()
         };
-        let hyperparameters = gp
-            .fit(&set, &covariance, &fit)?
-            .iter()
-            .map(|fit| fit.hyperparameters)
-            .collect();
+        let fits = gp.fit(&set, &covariance, &fit)?;
         Ok(Self {
             gp,
             covariance,
             set,
             classes,
-            hyperparameters,
+            asked,
+            fits,
         })
     }
 
-    /// Predicts the class of each test point and how likely it lies on an object of `category`,
+    /// Predicts the class of each test point and how likely it lies on an object of the category,
     /// which the segmenter is `segmenter_score` sure of.
     pub(crate) fn predict(
         self,
         test_points: &[Point],
-        category: Category,
         segmenter_score: f64,
     ) -> Result<Classification, PipelineError> {
         let test = gp_points("test points", test_points)?;
-        let posterior =
-            self.gp
-                .posterior(&self.set, &self.covariance, &self.hyperparameters, &test)?;
+        let hyperparameters: Vec<Hyperparameters> =
+            self.fits.iter().map(|fit| fit.hyperparameters).collect();
+        let posterior = self
+            .gp
+            .posterior(&self.set, &self.covariance, &hyperparameters, &test)?;
         let probabilities = posterior.probabilities();
         let count = self.classes.len();
-        let column = self.classes.iter().position(|c| *c == category.class());
         let points = posterior
             .class()
             .into_iter()
@@ -105,7 +117,7 @@ impl Fitted {
                 class: self.classes[class],
                 variance,
                 score: score * segmenter_score,
-                confidence: column.map_or(0.0, |c| row[c]) * segmenter_score,
+                confidence: row[self.asked] * segmenter_score,
             })
             .collect();
         Ok(Classification {
@@ -116,7 +128,7 @@ impl Fitted {
                 clamped_share: posterior.clamped_share(),
                 jitter: posterior.jitter(),
             },
-            hyperparameters: self.hyperparameters,
+            fits: self.fits,
         })
     }
 }
@@ -126,8 +138,8 @@ fn gp_points(name: &'static str, points: &[Point]) -> Result<Points, PipelineErr
     Ok(Points::from_rows(name, &rows, 3)?)
 }
 
-/// The first points of each class, in proportion to its size and at least one of each: about
-/// `count` in all. Training points come in random order, so the first are a random choice.
+/// A random choice of about `count` points, of each class in proportion to its size and at least
+/// one. Points may come in any order, sorted ones too.
 fn stratified(labels: &[usize], classes: usize, count: usize) -> Vec<usize> {
     let mut quota = vec![0_usize; classes];
     for &label in labels {
@@ -136,14 +148,16 @@ fn stratified(labels: &[usize], classes: usize, count: usize) -> Vec<usize> {
     for quota in &mut quota {
         *quota = (*quota * count).div_ceil(labels.len().max(count)).max(1);
     }
-    (0..labels.len())
-        .filter(|&index| {
-            let left = &mut quota[labels[index]];
-            let take = *left > 0;
-            *left -= usize::from(take);
-            take
-        })
-        .collect()
+    let mut order: Vec<usize> = (0..labels.len()).collect();
+    order.shuffle(&mut stream(FIT_SEED, "pipeline/fit"));
+    order.retain(|&index| {
+        let left = &mut quota[labels[index]];
+        let take = *left > 0;
+        *left -= usize::from(take);
+        take
+    });
+    order.sort_unstable();
+    order
 }
 
 #[cfg(test)]
@@ -154,8 +168,36 @@ mod tests {
     fn a_fit_sees_every_class_in_proportion() {
         let labels = [0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1, 2];
         // 4, 8 and 1 of 13 points; 6 asked for: 1.8, 3.7 and 0.5, rounded up.
-        assert_eq!(stratified(&labels, 3, 6), [0, 1, 4, 5, 6, 7, 12]);
+        let chosen = stratified(&labels, 3, 6);
+        assert!(chosen.is_sorted_by(|a, b| a < b));
+        let classes: Vec<usize> = chosen.iter().map(|index| labels[*index]).collect();
+        assert_eq!(classes, [0, 0, 1, 1, 1, 1, 2]);
+        assert_eq!(stratified(&labels, 3, 6), chosen);
         assert_eq!(stratified(&labels, 3, 99), (0..13).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_fit_sees_all_of_a_sorted_set() {
+        // 500 of 1000 points along a line: 250 of each half, give or take 6 standard deviations of
+        // a draw without replacement, sqrt(500 x 1/4 x 500/999).
+        let chosen = stratified(&[0; 1000], 1, 500);
+        let first = chosen.partition_point(|index| *index < 500);
+        assert!(first.abs_diff(250) < 48, "{first}");
+        assert_eq!(chosen.len(), 500);
+    }
+
+    #[test]
+    fn a_category_that_is_not_in_the_training_set_is_an_error() {
+        let points = (0..4).map(|i| Point::new(0.01 * f64::from(i), 0.0, 0.0));
+        let bowl = Category::Bowl.class();
+        let training = TrainingSet::new(points.collect(), vec![0, 0, bowl, bowl]).unwrap();
+        let config = GpConfig::default();
+        let refused = Fitted::new(&training, Category::Mug, ModelChoice::Classic, &config);
+        assert_eq!(
+            refused.unwrap_err().to_string(),
+            "the object is a mug, and no training point is of that category; draw the training \
+             set for this object"
+        );
     }
 
     #[test]
@@ -168,9 +210,10 @@ mod tests {
         .unwrap();
         let test = [Point::new(0.0, 0.035, 0.0), Point::new(0.1, 0.035, 0.0)];
         let ask = |segmenter_score| {
-            Fitted::new(&training, ModelChoice::Classic, &GpConfig::default())
+            let (mug, classic) = (Category::Mug, ModelChoice::Classic);
+            Fitted::new(&training, mug, classic, &GpConfig::default())
                 .unwrap()
-                .predict(&test, Category::Mug, segmenter_score)
+                .predict(&test, segmenter_score)
                 .unwrap()
                 .predictions
         };

@@ -1,5 +1,6 @@
 use std::{fmt, str::FromStr};
 
+use credence_map::{Association, SemanticMapConfig, TrackerConfig};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -68,6 +69,9 @@ named_by_serde!(SmoothnessChoice, "smoothness");
 /// per class.
 const MAX_POINTS: usize = 50_000;
 
+/// Most iterations of a fit, far beyond what a search that gets anywhere takes.
+const MAX_FIT_ITERATIONS: usize = 10_000;
+
 /// Smoothness of the Matérn kernel by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum SmoothnessChoice {
@@ -91,6 +95,21 @@ pub struct MapConfig {
     pub resolution_m: f64,
     /// Rays are cut at this range, metres.
     pub max_range_m: f64,
+    /// How a detection finds its object.
+    pub association: AssociationChoice,
+    /// Largest distance of a detection from its object, by that measure, metres.
+    pub association_gate_m: f64,
+}
+
+/// The trackers by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum AssociationChoice {
+    /// By the distance of their surfaces.
+    #[default]
+    Surface,
+    /// By the distance of their centroids, as in the seed paper.
+    Centroid,
 }
 
 impl Default for MapConfig {
@@ -98,18 +117,44 @@ impl Default for MapConfig {
         Self {
             resolution_m: 0.005,
             max_range_m: 2.0,
+            association: AssociationChoice::default(),
+            association_gate_m: 0.04,
+        }
+    }
+}
+
+impl MapConfig {
+    /// What the map is made with.
+    pub(crate) fn settings(&self) -> SemanticMapConfig {
+        let gate_m = self.association_gate_m;
+        SemanticMapConfig {
+            resolution_m: self.resolution_m,
+            max_range_m: Some(self.max_range_m),
+            tracker: TrackerConfig {
+                association: match self.association {
+                    AssociationChoice::Surface => Association::Surface { gate_m },
+                    AssociationChoice::Centroid => Association::Centroid { gate_m },
+                },
+                ..TrackerConfig::default()
+            },
+            ..SemanticMapConfig::default()
         }
     }
 }
 
 /// How training points are drawn (the seed's protocol).
+///
+/// Observed points come from the object and from whatever else was seen in its padded box, so that
+/// a neighbour is neither free space nor ignored. Neighbours take their share of the points seen
+/// in the box, but at most half: a large one cannot crowd out a small object. The object's points
+/// take the rest, as far as it has them, and free space fills what is left.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct TrainingConfig {
     /// Training points of one object, observed and free together.
     pub points: usize,
-    /// Share of them that is drawn from observed object points; the rest is free space. A cloud
-    /// with fewer points gives all it has, and free space fills the rest.
+    /// Share of them that is drawn from observed points, of the object and its neighbours; the rest
+    /// is free space.
     pub object_share: f64,
     /// Free points keep this distance from every observed point, metres.
     pub free_margin_m: f64,
@@ -137,9 +182,9 @@ pub struct GpConfig {
     /// Matérn smoothness: "1/2", "3/2" or "5/2".
     pub smoothness: SmoothnessChoice,
     /// Hyperparameters maximise the exact marginal likelihood of this many training points, drawn
-    /// evenly from object and free; the posterior always uses all of them.
+    /// in proportion to the classes and at least one of each; the posterior always uses all of them.
     pub fit_points: usize,
-    /// Iterations of L-BFGS at most.
+    /// Iterations of L-BFGS, at most, in each of at most 3 runs.
     pub fit_iterations: usize,
 }
 
@@ -178,7 +223,7 @@ impl Config {
         Ok(config)
     }
 
-    fn check(&self) -> Result<(), PipelineError> {
+    pub(crate) fn check(&self) -> Result<(), PipelineError> {
         let positive = |key: &str, value: f64| {
             if value.is_finite() && value > 0.0 {
                 return Ok(());
@@ -189,6 +234,7 @@ impl Config {
         };
         positive("map.resolution_m", self.map.resolution_m)?;
         positive("map.max_range_m", self.map.max_range_m)?;
+        positive("map.association_gate_m", self.map.association_gate_m)?;
         positive("training.free_margin_m", self.training.free_margin_m)?;
         positive("training.box_padding_m", self.training.box_padding_m)?;
         let TrainingConfig {
@@ -216,6 +262,13 @@ impl Config {
                      memory grows with its square"
                 )));
             }
+        }
+        if self.gp.fit_iterations > MAX_FIT_ITERATIONS {
+            return Err(PipelineError::Config(format!(
+                "gp.fit_iterations is {}; it must be at most {MAX_FIT_ITERATIONS}: a fit that \
+                 converges takes some 20",
+                self.gp.fit_iterations
+            )));
         }
         if self.gp.models.is_empty() {
             return Err(PipelineError::Config(
@@ -321,6 +374,14 @@ mod tests {
     }
 
     #[test]
+    fn the_defaults_of_the_map_are_its_own() {
+        assert_eq!(
+            MapConfig::default().settings(),
+            SemanticMapConfig::default()
+        );
+    }
+
+    #[test]
     fn a_misspelt_key_is_refused_with_the_nearest() {
         let text = r#"{"training": {"piont": 200}}"#;
         assert!(
@@ -354,6 +415,10 @@ mod tests {
             "gp.models is [\"classical\"]; expected `classic`",
         );
         ends(
+            r#"{"map": {"association": "nearest"}}"#,
+            "map.association is \"nearest\"; expected `surface` or `centroid`",
+        );
+        ends(
             r#"{"gp": {"smoothness": "7/2"}}"#,
             "smoothness is \"7/2\"; expected one of `1/2`, `3/2`, `5/2`",
         );
@@ -379,6 +444,10 @@ mod tests {
         assert!(message(r#"{"gp": {"fit_points": 1}}"#).contains("gp.fit_points is 1"));
         assert!(message(r#"{"gp": {"models": []}}"#).contains("gp.models is empty"));
         assert!(message(r#"{"gp": {"models": ["classic", "classic"]}}"#).contains("classic twice"));
+        assert!(message(r#"{"gp": {"fit_iterations": 10001}}"#).contains("at most 10000"));
+        assert!(
+            message(r#"{"map": {"association_gate_m": 0}}"#).contains("association_gate_m is 0")
+        );
         assert!(message(r#"{"training": {"points": 50001}}"#).contains("at most 50000"));
         assert!(message("[]").contains("expected a table"));
         assert!(message("{").contains("EOF"));

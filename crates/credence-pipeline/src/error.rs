@@ -1,4 +1,4 @@
-use credence_types::InvalidInput;
+use credence_types::{Category, InvalidInput};
 use thiserror::Error;
 
 /// What keeps the pipeline from a result.
@@ -32,6 +32,15 @@ pub enum PipelineError {
         class: u8,
         /// The last category's class.
         last: usize,
+    },
+    /// A training set that cannot tell what is asked.
+    #[error(
+        "the object is a {category}, and no training point is of that category; draw the training \
+         set for this object"
+    )]
+    CategoryNotTrained {
+        /// The object's category.
+        category: Category,
     },
     /// An object about which nothing is known to be free.
     #[error(

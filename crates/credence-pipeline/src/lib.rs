@@ -3,7 +3,7 @@
 //! A [`Pipeline`] is made from a [`Config`], whose enums name the stages ([`SegmenterChoice`],
 //! [`ModelChoice`]). [`Pipeline::add_frame`] segments a view and maps it; for each tracked object,
 //! [`Pipeline::training_set`] draws what a classifier learns from, and [`Pipeline::classify`] asks
-//! it about test points. This is the one crate that knows all stages, and it never sees the truth
+//! it about test points; [`Pipeline::annotate`] writes its confidences into the map. This is the one crate that knows all stages, and it never sees the truth
 //! they are judged by.
 
 mod classify;
@@ -17,7 +17,8 @@ mod training;
 
 pub use classify::Classification;
 pub use config::{
-    Config, GpConfig, MapConfig, ModelChoice, SegmenterChoice, SmoothnessChoice, TrainingConfig,
+    AssociationChoice, Config, GpConfig, MapConfig, ModelChoice, SegmenterChoice, SmoothnessChoice,
+    TrainingConfig,
 };
 pub use credence_gp as gp;
 pub use credence_map as map;

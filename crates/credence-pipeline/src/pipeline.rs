@@ -1,6 +1,6 @@
 use std::time::Instant;
 
-use credence_map::{InsertReport, ObjectId, SemanticMap, SemanticMapConfig};
+use credence_map::{InsertReport, ObjectId, SemanticMap};
 use credence_types::{Frame, Point};
 
 use crate::{
@@ -32,11 +32,8 @@ impl Pipeline {
     /// # Errors
     /// A setting outside its range.
     pub fn new(config: Config) -> Result<Self, PipelineError> {
-        let map = SemanticMap::new(SemanticMapConfig {
-            resolution_m: config.map.resolution_m,
-            max_range_m: Some(config.map.max_range_m),
-            ..SemanticMapConfig::default()
-        })?;
+        config.check()?;
+        let map = SemanticMap::new(config.map.settings())?;
         Ok(Self {
             segmenter: config.segmenter.build(),
             map,
@@ -86,12 +83,12 @@ impl Pipeline {
     }
 
     /// Fits a model to training points and asks it about test points: whether they lie on an
-    /// object of the category that the map gives object `id`. The map's voxels of the object take
-    /// the confidences of the test points in them.
+    /// object of the category that the map gives object `id`. The map stays as it is: see
+    /// [`annotate`](Self::annotate).
     ///
     /// # Errors
-    /// An id that is not tracked, training points of fewer than two classes, points that are not
-    /// finite, a covariance that cannot be factorised.
+    /// An id that is not tracked, training points of fewer than two classes or none of the
+    /// object's category, points that are not finite, a covariance that cannot be factorised.
     pub fn classify(
         &mut self,
         id: ObjectId,
@@ -102,19 +99,29 @@ impl Pipeline {
         let object = self.map.object(id)?;
         let (category, score) = (object.category(), object.score());
         let start = Instant::now();
-        let fitted = Fitted::new(training, model, &self.config.gp)?;
+        let fitted = Fitted::new(training, category, model, &self.config.gp)?;
         self.note("fit", Some(model), start);
         let start = Instant::now();
-        let classification = fitted.predict(test_points, category, score)?;
+        let classification = fitted.predict(test_points, score)?;
         self.note("posterior", Some(model), start);
-        let confidences: Vec<f64> = classification
-            .predictions
-            .points
-            .iter()
-            .map(|point| point.confidence)
-            .collect();
-        self.map.set_confidences(id, test_points, &confidences)?;
         Ok(classification)
+    }
+
+    /// Writes the confidences of test points into the map: each voxel of object `id` that holds
+    /// any of them takes their mean, and what the object's voxels held before is gone. Returns the
+    /// number of voxels set.
+    ///
+    /// # Errors
+    /// An id that is not tracked, a classification of another number of test points.
+    pub fn annotate(
+        &mut self,
+        id: ObjectId,
+        test_points: &[Point],
+        classification: &Classification,
+    ) -> Result<usize, PipelineError> {
+        let predictions = &classification.predictions.points;
+        let confidences: Vec<f64> = predictions.iter().map(|point| point.confidence).collect();
+        Ok(self.map.set_confidences(id, test_points, &confidences)?)
     }
 
     fn note(&mut self, stage: &'static str, model: Option<ModelChoice>, start: Instant) {
@@ -136,7 +143,7 @@ impl Pipeline {
 
 #[cfg(test)]
 mod tests {
-    use credence_map::TrackedObject;
+    use credence_map::{Association, TrackedObject};
     use credence_types::{Category, FREE_CLASS};
 
     use super::*;
@@ -195,7 +202,8 @@ mod tests {
 
         let predictions = &result.predictions;
         assert_eq!(predictions.classes, [FREE_CLASS, Category::Mug.class()]);
-        assert_eq!(result.hyperparameters.len(), 2);
+        assert_eq!(result.fits.len(), 2);
+        assert!(result.fits.iter().all(|fit| fit.converged && !fit.at_bound));
         assert_eq!(predictions.clamped_share, 0.0);
         let (surface, free) = predictions.points.split_at(27);
         for (point, prediction) in test.iter().zip(surface) {
@@ -212,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn the_map_takes_the_confidences_of_the_points_in_its_voxels() {
+    fn annotating_gives_the_voxels_the_confidences_of_the_points_in_them() {
         let mut pipeline = mapped();
         let id = only_object(&pipeline);
         assert_eq!(pipeline.map().object_confidence(id).unwrap(), None);
@@ -234,6 +242,8 @@ mod tests {
         let result = pipeline
             .classify(id, &training, &test, ModelChoice::Classic)
             .unwrap();
+        assert_eq!(pipeline.map().object_confidence(id).unwrap(), None);
+        assert_eq!(pipeline.annotate(id, &test, &result).unwrap(), 1);
         let points = &result.predictions.points;
         let mean = f64::midpoint(points[0].confidence, points[1].confidence);
         assert_eq!(
@@ -243,6 +253,39 @@ mod tests {
         let set = pipeline.map().voxels().filter(|v| v.confidence.is_some());
         assert_eq!(set.count(), 1);
         assert_eq!(pipeline.map().object_confidence(id).unwrap(), Some(mean));
+
+        let refused = pipeline.annotate(id, &test[..2], &result).unwrap_err();
+        assert_eq!(
+            refused.to_string(),
+            "confidences holds 3 values; 2 points need one each"
+        );
+        assert_eq!(pipeline.map().object_confidence(id).unwrap(), Some(mean));
+        let elsewhere = [Point::new(0.0, 0.0, 0.15); 3];
+        assert_eq!(pipeline.annotate(id, &elsewhere, &result).unwrap(), 0);
+        assert_eq!(pipeline.map().object_confidence(id).unwrap(), None);
+    }
+
+    #[test]
+    fn a_configuration_is_checked_however_it_was_made() {
+        for (points, message) in [(0, "training.points is 0"), (1, "training.points is 1")] {
+            let mut config = Config::default();
+            config.training.points = points;
+            let refused = Pipeline::new(config).err().unwrap().to_string();
+            assert!(refused.contains(message), "{refused}");
+        }
+        let mut config = Config::default();
+        config.gp.models.clear();
+        assert!(Pipeline::new(config).is_err());
+    }
+
+    #[test]
+    fn the_seeds_tracker_can_be_chosen() {
+        let text = r#"{"map": {"association": "centroid", "association_gate_m": 0.06}}"#;
+        let pipeline = Pipeline::new(Config::from_json(text).unwrap()).unwrap();
+        assert_eq!(
+            pipeline.map().config().tracker.association,
+            Association::Centroid { gate_m: 0.06 }
+        );
     }
 
     #[test]

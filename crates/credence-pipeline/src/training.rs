@@ -1,13 +1,9 @@
 use credence_map::{Aabb, FreeSampling, KeepAway, MapError, ObjectId, SemanticMap};
-use credence_types::{CLASS_COUNT, FREE_CLASS, Point};
+use credence_types::{CLASS_COUNT, FREE_CLASS, Point, stream};
 use nalgebra::Vector3;
-use rand::{SeedableRng as _, seq::index};
-use rand_chacha::ChaCha20Rng;
+use rand::seq::index;
 
 use crate::{PipelineError, TrainingConfig};
-
-/// Stream of the draw of observed points; free space has the map's own.
-const OBSERVED_STREAM: u64 = 1;
 
 /// What a classifier learns about one object: observed points of its surroundings, labelled with
 /// their category, and points known to be free.
@@ -19,7 +15,7 @@ pub struct TrainingSet {
 
 impl TrainingSet {
     /// Points (world coordinates, metres) and the class of each: 0 is free space, 1 to 6 the
-    /// categories. A fit that takes only part of them takes the first of each class.
+    /// categories. Their order does not matter.
     ///
     /// # Errors
     /// Lists of different lengths, a class past the last category.
@@ -44,8 +40,8 @@ impl TrainingSet {
         })
     }
 
-    /// World coordinates, metres; of a drawn set observed points first, then free ones, each in
-    /// random order.
+    /// World coordinates, metres; of a drawn set the object's observed points first, then those of
+    /// its neighbours, then free ones, each in random order.
     pub fn points_world(&self) -> &[Point] {
         &self.points_world
     }
@@ -56,18 +52,18 @@ impl TrainingSet {
     }
 
     /// Draws the training points of an object: see [`TrainingConfig`].
-    ///
-    /// Observed points come from the object and from whatever else was seen in its padded box, all
-    /// alike, so that a neighbour is neither free space nor ignored.
     pub(crate) fn draw(
         map: &SemanticMap,
         id: ObjectId,
         config: &TrainingConfig,
         seed: u64,
     ) -> Result<Self, PipelineError> {
-        let surroundings = padded_box(&map.object(id)?.cloud().points_world, config)?;
-        let observed: Vec<(Point, u8)> = map
+        let object = map.object(id)?;
+        let own = &object.cloud().points_world;
+        let surroundings = padded_box(own, config)?;
+        let neighbours: Vec<(Point, u8)> = map
             .objects()
+            .filter(|other| other.id() != id)
             .flat_map(|object| {
                 let class = object.category().class();
                 let points = &object.cloud().points_world;
@@ -77,11 +73,18 @@ impl TrainingSet {
             .collect();
         let wanted = ((config.points as f64 * config.object_share).round() as usize)
             .clamp(1, config.points - 1);
-        let mut rng = ChaCha20Rng::seed_from_u64(seed);
-        rng.set_stream(OBSERVED_STREAM);
-        let chosen = index::sample(&mut rng, observed.len(), wanted.min(observed.len()));
-        let (mut points_world, mut classes): (Vec<Point>, Vec<u8>) =
-            chosen.iter().map(|index| observed[index]).unzip();
+        let (from_own, from_neighbours) = shares(wanted, own.len(), neighbours.len());
+        let mut rng = stream(seed, "pipeline/observed");
+        let mut points_world: Vec<Point> = index::sample(&mut rng, own.len(), from_own)
+            .iter()
+            .map(|index| own[index])
+            .collect();
+        let mut classes = vec![object.category().class(); from_own];
+        for index in index::sample(&mut rng, neighbours.len(), from_neighbours) {
+            let (point, class) = neighbours[index];
+            points_world.push(point);
+            classes.push(class);
+        }
 
         let sampling = FreeSampling {
             within: surroundings,
@@ -106,6 +109,14 @@ impl TrainingSet {
             classes,
         })
     }
+}
+
+/// How many of `wanted` observed points come from the object's `own` and how many from its
+/// `neighbours`' points: these take their proportional share, but at most half.
+fn shares(wanted: usize, own: usize, neighbours: usize) -> (usize, usize) {
+    let proportional = wanted * neighbours / (own + neighbours).max(1);
+    let from_neighbours = proportional.min(wanted / 2).min(neighbours);
+    ((wanted - from_neighbours).min(own), from_neighbours)
 }
 
 fn padded_box(points: &[Point], config: &TrainingConfig) -> Result<Aabb, PipelineError> {
@@ -197,10 +208,62 @@ mod tests {
         for point in free {
             assert!(within.contains(point));
             assert!(nearest_m(&cloud, point) >= config.free_margin_m);
-            // A voxel that a ray has crossed may reach into what it grazes by its own diagonal.
-            assert!(mug.signed_distance_m(point) > -0.005 * 3.0_f64.sqrt());
             assert!(point.z > -0.005);
         }
+        let inside = |point: &&Point| mug.signed_distance_m(point) < 0.0;
+        let inside = free.iter().filter(inside).count();
+        assert!(inside * 50 < free.len(), "{inside} of {}", free.len());
+    }
+
+    #[test]
+    fn neighbours_take_their_share_but_at_most_half() {
+        // (wanted, own, neighbours) -> (from own, from neighbours)
+        for (of, expected) in [
+            ((100, 300, 0), (100, 0)),
+            ((100, 300, 100), (75, 25)),
+            ((100, 300, 900), (50, 50)),
+            ((100, 30, 9000), (30, 50)),
+            ((100, 1, 9000), (1, 50)),
+            ((100, 30, 10), (30, 10)),
+            ((1, 1, 9000), (1, 0)),
+            ((3, 9, 9000), (2, 1)),
+        ] {
+            let (wanted, own, neighbours) = of;
+            assert_eq!(shares(wanted, own, neighbours), expected, "{of:?}");
+        }
+    }
+
+    #[test]
+    fn a_tiny_object_keeps_its_points_beside_a_big_one() {
+        let corners = |low: [f64; 3], high: [f64; 3], category| Solid {
+            low: low.into(),
+            high: high.into(),
+            category,
+        };
+        let mug = corners([-0.015, -0.015, 0.0], [0.015, 0.015, 0.03], Mug);
+        let bowl = corners([-0.2, -0.1, 0.0], [-0.03, 0.1, 0.1], Bowl);
+        let settings = r#"{"points": 200, "box_padding_m": 0.08}"#;
+        let mut pipeline = mapped(&[mug, bowl], settings);
+        let of = |category| {
+            let objects = pipeline.map().objects();
+            let mut objects = objects.filter(move |object| object.category() == category);
+            objects.next().unwrap()
+        };
+        let (id, own) = (of(Mug).id(), of(Mug).cloud().clone());
+        let within = padded_box(&own.points_world, &pipeline.config().training).unwrap();
+        let beside = &of(Bowl).cloud().points_world;
+        let beside = beside.iter().filter(|p| within.contains(p)).count();
+        assert!(own.len() > 10 && beside > 3 * own.len());
+        let set = pipeline.training_set(id, 0).unwrap();
+        let mut of_class = [0; CLASS_COUNT];
+        for class in set.classes() {
+            of_class[usize::from(*class)] += 1;
+        }
+        let from_own = own.len().min(50);
+        assert_eq!(
+            [Mug.class(), Bowl.class(), FREE_CLASS].map(|class| of_class[usize::from(class)]),
+            [from_own, 50, 150 - from_own]
+        );
     }
 
     #[test]

@@ -147,8 +147,20 @@ impl PyPredictions {
 
     #[getter]
     fn hyperparameters(&self) -> BTreeMap<&'static str, PyHyperparameters> {
-        let values = self.0.hyperparameters.iter().copied();
+        let values = self.0.fits.iter().map(|fit| fit.hyperparameters);
         self.names().zip(values.map(PyHyperparameters)).collect()
+    }
+
+    /// Number of classes whose fit did not end by its tolerances.
+    #[getter]
+    fn fits_unconverged(&self) -> usize {
+        self.0.fits.iter().filter(|fit| !fit.converged).count()
+    }
+
+    /// Number of classes whose hyperparameters ended at the edge of the range searched.
+    #[getter]
+    fn fits_at_bound(&self) -> usize {
+        self.0.fits.iter().filter(|fit| fit.at_bound).count()
     }
 }
 
@@ -222,17 +234,17 @@ impl PyPipeline {
     }
 
     /// The tracked objects by rising id.
-    fn objects(&self) -> Vec<PyMappedObject> {
-        let objects = self.0.map().objects();
-        objects.cloned().map(PyMappedObject).collect()
+    fn objects(&self, py: Python<'_>) -> Vec<PyMappedObject> {
+        let copy = || self.0.map().objects().cloned().map(PyMappedObject);
+        py.detach(|| copy().collect())
     }
 
     /// The occupied voxels.
-    fn voxels(&self) -> PyVoxels {
-        PyVoxels {
+    fn voxels(&self, py: Python<'_>) -> PyVoxels {
+        py.detach(|| PyVoxels {
             voxels: self.0.map().voxels().collect(),
             size_m: self.0.map().config().resolution_m,
-        }
+        })
     }
 
     #[pyo3(signature = (object_id, *, seed))]
@@ -266,9 +278,25 @@ impl PyPipeline {
         .map_err(|err| to_python(&err))
     }
 
+    /// Writes the confidences of test points into the map; returns the number of voxels set.
+    fn annotate(
+        &mut self,
+        py: Python<'_>,
+        object_id: u32,
+        test_points: Array<'_, f64>,
+        predictions: &PyPredictions,
+    ) -> PyResult<usize> {
+        let points = test_points.points("test_points")?;
+        py.detach(|| {
+            self.0
+                .annotate(ObjectId(object_id), &points, &predictions.0)
+        })
+        .map_err(|err| to_python(&err))
+    }
+
     /// A copy of the map's octree.
-    fn occupancy(&self) -> PyOccupancyMap {
-        PyOccupancyMap(self.0.map().occupancy().clone())
+    fn occupancy(&self, py: Python<'_>) -> PyOccupancyMap {
+        py.detach(|| PyOccupancyMap(self.0.map().occupancy().clone()))
     }
 
     /// (stage, model, seconds) in order of first use.
