@@ -10,7 +10,8 @@ Fortran-ordered, sliced arrays   ``test_native_arrays.py``
 non-rigid pose, intrinsics <= 0  ``test_a_frame_is_refused``
 an empty mask                    ``test_an_empty_mask_maps_no_object``, ``test_scene_run.py``
 no free points                   ``test_an_object_without_free_space``
-fewer than 2 classes             ``test_fewer_than_two_classes``
+fewer than 2 classes             ``test_fewer_than_two_classes``,
+                                 ``test_a_training_set_without_the_object``
 duplicate training points        ``test_duplicate_training_points_are_no_problem``
 1 test point, none               ``test_one_test_point``, ``test_no_test_point``
 numbers out of range             ``test_settings_of_the_classifier_are_named``
@@ -259,6 +260,35 @@ def test_no_test_point() -> None:
         assert values.shape == (0,)
 
 
+def test_a_training_set_without_the_object() -> None:
+    training = TrainingSet(two_heaps(copies=5).points_world, np.repeat([2, 0], 5).astype(np.uint8))
+    with pytest.raises(ValueError, match="the object is a mug, and no training point is of that c"):
+        classify(mapped(), training, np.zeros((1, 3)))
+
+
+def test_only_annotating_writes_confidences_and_it_writes_all_or_none() -> None:
+    pipeline = mapped()
+    points = pipeline.objects()[0].points_world[:3]
+    predictions = classify(pipeline, two_heaps(copies=5), points)
+    assert (predictions.fits_unconverged, predictions.fits_at_bound) == (0, 0)
+    assert np.isnan(pipeline.voxels().confidence).all()
+    voxels = pipeline.annotate(1, points, predictions)
+    assert voxels > 0
+    assert np.isfinite(pipeline.voxels().confidence).sum() == voxels
+    with pytest.raises(ValueError, match="confidences holds 3 values; 2 points need one each"):
+        pipeline.annotate(1, points[:2], predictions)
+    assert np.isfinite(pipeline.voxels().confidence).sum() == voxels
+    assert pipeline.annotate(1, points + 1.0, predictions) == 0
+    assert np.isnan(pipeline.voxels().confidence).all()
+
+
+def test_a_fit_without_iterations_has_not_converged() -> None:
+    pipeline = Pipeline(json.dumps({"gp": {"fit_iterations": 0}}))
+    pipeline.add_frame(**frame())
+    predictions = classify(pipeline, two_heaps(copies=5), np.zeros((1, 3)))
+    assert (predictions.fits_unconverged, predictions.fits_at_bound) == (2, 0)
+
+
 def test_a_refused_classification_leaves_the_map_without_confidence() -> None:
     pipeline = mapped()
     with pytest.raises(ValueError, match=r"test_points\[0\] is not finite; remove such points fir"):
@@ -304,6 +334,16 @@ def test_settings_of_the_classifier_are_named(change: dict[str, Any], message: s
         ({"map": 5}, "map is 5; expected a table of settings"),
         ({"map": {"resolution_m": 1e-9}}, "resolution_m is 0.000000001; the edge of a voxel must"),
         ({"training": {"points": 10**10}}, "training.points is 10000000000; it must be at most"),
+        ({"training": {"points": 1}}, "training.points is 1; it must be at least 2, one for each"),
+        (
+            {"gp": {"fit_iterations": 10**6}},
+            "gp.fit_iterations is 1000000; it must be at most 10000",
+        ),
+        (
+            {"map": {"association": "box"}},
+            'map.association is "box"; expected `surface` or `centro',
+        ),
+        ({"map": {"association_gate_m": -1}}, "map.association_gate_m is -1; it must be positive"),
         ({"training": {"object_share": 1.0}}, "object_share is 1; it must lie strictly between 0"),
     ],
 )

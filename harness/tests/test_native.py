@@ -14,7 +14,7 @@ import pytest
 
 import harness
 from harness import native
-from harness.native import gp_log_likelihood, gp_posterior
+from harness.native import MeshTruth, OccupancyMap, gp_log_likelihood, gp_posterior
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -57,11 +57,30 @@ def large_problem() -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize("call", [gp_posterior, gp_log_likelihood])
-def test_other_threads_run_during_a_long_call(call: Callable[..., object]) -> None:
-    arguments = large_problem()
-    if call is gp_posterior:
-        arguments["test_points"] = np.random.default_rng(1).uniform(size=(3000, 3))
+def posterior() -> Callable[[], object]:
+    test_points = np.random.default_rng(1).uniform(size=(3000, 3))
+    return lambda: gp_posterior(**large_problem(), test_points=test_points)
+
+
+def log_likelihood() -> Callable[[], object]:
+    return lambda: gp_log_likelihood(**large_problem())
+
+
+def distances() -> Callable[[], object]:
+    truth = MeshTruth(np.eye(3), np.array([[0, 1, 2]], dtype=np.uint32))
+    points = np.random.default_rng(2).uniform(size=(2_000_000, 3))
+    return lambda: truth.distances(points)
+
+
+def scan() -> Callable[[], object]:
+    tree = OccupancyMap(0.02)
+    points = np.random.default_rng(3).uniform(-2, 2, size=(200_000, 3))
+    return lambda: tree.insert_scan(np.zeros(3), points)
+
+
+@pytest.mark.parametrize("make", [posterior, log_likelihood, distances, scan])
+def test_other_threads_run_during_a_long_call(make: Callable[[], Callable[[], object]]) -> None:
+    call = make()
     moments: list[float] = []
     started, stop = threading.Event(), threading.Event()
 
@@ -76,7 +95,7 @@ def test_other_threads_run_during_a_long_call(call: Callable[..., object]) -> No
     try:
         started.wait()
         start = time.perf_counter()
-        call(**arguments)
+        call()
         end = time.perf_counter()
     finally:
         stop.set()
