@@ -81,6 +81,15 @@ pub enum InvalidInput {
         /// The offending value.
         value: f64,
     },
+    /// Class probabilities that add up to more than one.
+    #[error(
+        "class_scores add up to {sum}; they are probabilities of exclusive categories and must add \
+         up to at most 1: divide them by their sum"
+    )]
+    ClassScores {
+        /// Their sum.
+        sum: f64,
+    },
     /// An instance id in the mask that has no category.
     #[error("the mask holds instance id {id}, which has no category; list it or set it to 0")]
     UnknownInstance {
@@ -100,6 +109,23 @@ pub enum InvalidInput {
         name: &'static str,
         /// Row of the array.
         index: usize,
+    },
+    /// A flat occupancy tree that is not one.
+    #[error("node {index} of the occupancy tree {why}; export the tree again from its map")]
+    Tree {
+        /// Position of the node.
+        index: usize,
+        /// What is wrong with it.
+        why: &'static str,
+    },
+    /// A voxel edge that is no length.
+    #[error(
+        "the occupancy tree's voxel edge is {value}; give resolution_m in metres, positive and \
+         finite"
+    )]
+    TreeResolution {
+        /// The offending value.
+        value: f64,
     },
     /// A mesh that has no surface.
     #[error("the mesh has {vertices} vertices and {faces} faces; it needs at least one face")]

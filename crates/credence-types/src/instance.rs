@@ -1,5 +1,8 @@
 use crate::{Category, InvalidInput};
 
+/// Excess over 1 of the sum of class scores that still counts as rounding.
+const SUM_TOLERANCE: f64 = 1e-6;
+
 /// One detected object in one frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Instance {
@@ -10,10 +13,12 @@ pub struct Instance {
 
 impl Instance {
     /// A detection: `mask` is row-major at full resolution, `class_scores` the probability of each
-    /// category in [`Category::ALL`]'s order, `score` the detector's confidence in \[0, 1\].
+    /// category in [`Category::ALL`]'s order, what they leave of 1 that of being none of them, and
+    /// `score` the detector's confidence in \[0, 1\].
     ///
     /// # Errors
-    /// An empty mask (`index` names the instance), a score outside \[0, 1\].
+    /// An empty mask (`index` names the instance), a score outside \[0, 1\], class scores
+    /// whose sum exceeds 1 by more than 1e-6.
     pub fn new(
         index: usize,
         mask: Vec<bool>,
@@ -29,6 +34,10 @@ impl Instance {
                 name: "class_scores",
                 value,
             });
+        }
+        let sum: f64 = class_scores.iter().sum();
+        if sum > 1.0 + SUM_TOLERANCE {
+            return Err(InvalidInput::ClassScores { sum });
         }
         if !in_range(score) {
             return Err(InvalidInput::Score {
@@ -103,5 +112,16 @@ mod tests {
         for score in [-0.1, 1.1, f64::NAN] {
             assert!(Instance::new(0, vec![true], [0.0; 6], score).is_err());
         }
+    }
+
+    #[test]
+    fn refuses_class_scores_that_add_up_to_more_than_one() {
+        let new = |last: f64| Instance::new(0, vec![true], [0.5, 0.25, 0.0, 0.0, 0.0, last], 1.0);
+        assert!(new(0.25 + 1e-7).is_ok());
+        assert_eq!(
+            new(0.75).unwrap_err().to_string(),
+            "class_scores add up to 1.5; they are probabilities of exclusive categories and must \
+             add up to at most 1: divide them by their sum"
+        );
     }
 }

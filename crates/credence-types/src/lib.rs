@@ -5,6 +5,8 @@
 //! [`PointCloud`]s and its occupancy as an [`OccupancyTree`]. A classifier gives every test point
 //! a [`Prediction`], which is judged against a [`TriMesh`].
 //!
+//! Random draws come from a [`stream`] per seed and purpose.
+//!
 //! Units are metres and radians. The world's z axis points up; camera axes follow `OpenCV` (x
 //! right, y down, z forward). The centre of the first pixel is (0, 0).
 
@@ -18,6 +20,7 @@ mod mesh;
 mod occupancy;
 mod pose;
 mod prediction;
+mod random;
 
 pub use category::{CLASS_COUNT, Category, FREE_CLASS};
 pub use cloud::PointCloud;
@@ -29,6 +32,7 @@ pub use mesh::TriMesh;
 pub use occupancy::{OccupancyNode, OccupancyTree};
 pub use pose::Pose;
 pub use prediction::{Prediction, Predictions};
+pub use random::stream;
 
 /// A point in metres; which frame it is in stands in the name of the variable that holds it.
 pub type Point = nalgebra::Point3<f64>;

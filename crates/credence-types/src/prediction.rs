@@ -8,8 +8,9 @@ pub struct Prediction {
     /// The seed's score: variance scaled to \[0, 1\] over the test points, 1 at the smallest (Hong
     /// et al., Eqs. 2 and 3), times the segmenter's score. Comparable within one call only.
     pub score: f64,
-    /// Probability that the point lies on the object asked for, times the segmenter's score.
-    /// Comparable between scenes.
+    /// Posterior mean E\[softmax\] of the object's category at the point, times the segmenter's
+    /// score: how likely something of that category is there. Comparable between scenes, but not
+    /// recalibrated; it does not tell two objects of one category apart.
     pub confidence: f64,
 }
 

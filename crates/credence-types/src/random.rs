@@ -1,0 +1,49 @@
+use rand_chacha::{ChaCha20Rng, rand_core::SeedableRng as _};
+
+/// A random stream of its own per seed and purpose, so that no draw shifts another's.
+///
+/// The cipher's key is the seed and the purpose's first 24 bytes; a longer purpose also selects
+/// the cipher's stream by its FNV-1a hash, so that names with a common beginning stay apart.
+pub fn stream(seed: u64, purpose: &str) -> ChaCha20Rng {
+    let mut key = [0; 32];
+    let room = key.len() - size_of::<u64>();
+    let bytes = seed.to_le_bytes().into_iter().chain(purpose.bytes());
+    for (slot, byte) in key.iter_mut().zip(bytes) {
+        *slot = byte;
+    }
+    let mut rng = ChaCha20Rng::from_seed(key);
+    if purpose.len() > room {
+        rng.set_stream(fnv_1a(purpose));
+    }
+    rng
+}
+
+/// The 64-bit FNV-1a hash (Fowler, Noll and Vo): the same on every machine and version.
+fn fnv_1a(text: &str) -> u64 {
+    text.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_chacha::rand_core::Rng as _;
+
+    use super::*;
+
+    #[test]
+    fn seed_and_whole_purpose_select_the_stream() {
+        let first = |seed, purpose| stream(seed, purpose).next_u64();
+        assert_eq!(first(1, "map/free-space"), first(1, "map/free-space"));
+        assert_ne!(first(1, "map/free-space"), first(2, "map/free-space"));
+        assert_ne!(first(1, "a"), first(1, "b"));
+        let common = "pipeline/training/observed-points";
+        assert_ne!(first(1, common), first(1, &format!("{common}-2")));
+    }
+
+    #[test]
+    fn the_hash_is_the_published_one() {
+        assert_eq!(fnv_1a(""), 0xcbf2_9ce4_8422_2325);
+        assert_eq!(fnv_1a("foobar"), 0x8594_4171_f739_67e8);
+    }
+}
