@@ -3,6 +3,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use credence_types::InvalidInput;
 use thiserror::Error;
 
 /// A file that cannot be read or written. The message names the file, the fault and the remedy.
@@ -44,6 +45,14 @@ pub enum IoError {
         what: String,
         /// What helps.
         remedy: &'static str,
+    },
+    /// Data that are not what they should be; nothing was written.
+    #[error("{} was not written: {source}", path.display())]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        source: InvalidInput,
     },
     /// Data that the format cannot hold; nothing was written.
     #[error("{} was not written: {what}; {remedy}", path.display())]

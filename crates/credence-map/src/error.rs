@@ -48,14 +48,6 @@ pub enum MapError {
         /// Largest number of blocks.
         limit: usize,
     },
-    /// A flat tree that is not one.
-    #[error("node {index} of the occupancy tree {why}; write the tree again from its source")]
-    Tree {
-        /// Position of the node.
-        index: usize,
-        /// What is wrong with it.
-        why: &'static str,
-    },
     /// An object that is not tracked.
     #[error("there is no object {id}; it was deleted or never seen (list the objects first)")]
     UnknownObject {
@@ -94,12 +86,17 @@ pub enum MapError {
         /// Upper corner.
         max: [f64; 3],
     },
-    /// No place for free-space samples.
+    /// No place, or too little, for free-space samples.
     #[error(
-        "no free space {min_distance_m} m away from the observed points in the box from {min:?} to \
-         {max:?}; insert views that look through the box, enlarge it or lower min_distance_m"
+        "found {found} of {count} free points {min_distance_m} m away from the observed points in \
+         the box from {min:?} to {max:?}; insert views that look through the box, enlarge it or \
+         lower min_distance_m"
     )]
     NoFreeSpace {
+        /// Number of points found.
+        found: usize,
+        /// Number of points asked for.
+        count: usize,
         /// Lower corner of the box.
         min: [f64; 3],
         /// Upper corner of the box.

@@ -1,7 +1,6 @@
-use credence_types::{InvalidInput, Point};
+use credence_types::{InvalidInput, Point, stream};
 use nalgebra::Vector3;
-use rand::{RngExt as _, SeedableRng as _};
-use rand_chacha::ChaCha20Rng;
+use rand::RngExt as _;
 
 use crate::{Aabb, Leaf, MapError, OccupancyMap, nearest::Nearest};
 
@@ -28,7 +27,7 @@ impl OccupancyMap {
     /// A function of its arguments alone: the same seed gives the same points.
     ///
     /// # Errors
-    /// No such space in the box, a distance that is not positive, a point to avoid that is not
+    /// No or too little such space in the box, a distance that is not positive, a point to avoid that is not
     /// finite.
     pub fn sample_free(
         &self,
@@ -90,6 +89,8 @@ impl OccupancyMap {
         }
         if points.len() < count {
             return Err(MapError::NoFreeSpace {
+                found: points.len(),
+                count,
                 min: (*within.min()).into(),
                 max: (*within.max()).into(),
                 min_distance_m,
@@ -97,16 +98,6 @@ impl OccupancyMap {
         }
         Ok(points)
     }
-}
-
-/// A random stream of its own per seed and purpose, so that no draw shifts another's.
-fn stream(seed: u64, purpose: &str) -> ChaCha20Rng {
-    let mut key = [0; 32];
-    let bytes = seed.to_le_bytes().into_iter().chain(purpose.bytes());
-    for (slot, byte) in key.iter_mut().zip(bytes) {
-        *slot = byte;
-    }
-    ChaCha20Rng::from_seed(key)
 }
 
 #[cfg(test)]
@@ -183,12 +174,32 @@ mod tests {
         let elsewhere = sampling([0.0, 5.0, 0.0], [9.0, 6.0, 1.0]);
         assert!(message(elsewhere, &[]).contains("insert views that look through the box"));
         let behind = sampling([5.0, 0.0, 0.0], [9.0, 1.0, 1.0]);
-        assert!(message(behind, &[]).contains("no free space"));
+        assert!(message(behind, &[]).contains("found 0 of 4000 free points"));
         let near = FreeSampling {
             min_distance_m: 20.0,
             ..sampling([0.0; 3], [9.0; 3])
         };
-        assert!(message(near, &[Point::origin()]).contains("no free space 20 m away"));
+        assert!(
+            message(near, &[Point::origin()]).contains("found 0 of 4000 free points 20 m away")
+        );
+        // The corner that is farthest from the origin, 5.196 m, holds one draw in 2000.
+        let corner = FreeSampling {
+            count: 100,
+            min_distance_m: 5.15,
+            ..near
+        };
+        let error = map.sample_free(&corner, &[Point::origin()]).unwrap_err();
+        assert!(
+            matches!(
+                error,
+                MapError::NoFreeSpace {
+                    found: 1..100,
+                    count: 100,
+                    ..
+                }
+            ),
+            "{error}"
+        );
         let zero = FreeSampling {
             min_distance_m: 0.0,
             ..near

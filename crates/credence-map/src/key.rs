@@ -1,11 +1,11 @@
 use std::fmt;
 
-use credence_types::Point;
+use credence_types::{OccupancyTree, Point};
 
 use crate::MapError;
 
 /// Levels below the root: a voxel at the lowest level has one key in 0..65536 per axis.
-pub(crate) const DEPTH: u32 = 16;
+pub(crate) const DEPTH: u32 = OccupancyTree::DEPTH;
 /// Key whose voxel starts at coordinate 0.
 const CENTRE: i32 = 1 << (DEPTH - 1);
 /// Keys per axis.

@@ -1,13 +1,13 @@
 //! The maximum-likelihood tree: every leaf occupied or free, siblings that have become equal pruned.
 
-use credence_types::OccupancyNode;
+use credence_types::{OccupancyNode, OccupancyTree};
 
 use super::DEPTH;
 
-/// Log-odds of a free leaf: ln(p/(1-p)) of `OctoMap`'s lower clamp, p = 0.1192.
-pub(super) const LOG_ODDS_FREE: f32 = -2.000_028;
-/// Log-odds of an occupied leaf: the same of its upper clamp, p = 0.971.
-pub(super) const LOG_ODDS_OCCUPIED: f32 = 3.511_030_7;
+/// Log-odds of a free leaf: the lower clamp.
+pub(super) const LOG_ODDS_FREE: f32 = OccupancyTree::MIN_LOG_ODDS;
+/// Log-odds of an occupied leaf: the upper clamp.
+pub(super) const LOG_ODDS_OCCUPIED: f32 = OccupancyTree::MAX_LOG_ODDS;
 
 /// `OctoMap`'s default threshold, p = 0.5, belongs to the occupied side.
 pub(super) const fn is_occupied(log_odds: f32) -> bool {

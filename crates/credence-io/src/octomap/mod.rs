@@ -1,7 +1,6 @@
 //! `OctoMap` 1.9 files: a text header, then the tree depth first.
 
 mod binary;
-mod check;
 mod full;
 mod header;
 mod likelihood;
@@ -20,8 +19,7 @@ use crate::{
     error::Fault,
 };
 
-/// Levels below the root; a node at the last has no children.
-const DEPTH: u32 = 16;
+const DEPTH: u32 = OccupancyTree::DEPTH;
 
 /// Reads a `.bt` or `.ot` file; the header tells which it is.
 ///
@@ -50,7 +48,7 @@ pub fn read_octomap(path: impl AsRef<Path>) -> Result<OccupancyTree, IoError> {
 /// then.
 pub fn write_bt(tree: &OccupancyTree, path: impl AsRef<Path>) -> Result<(), IoError> {
     let path = path.as_ref();
-    check::tree(tree, path)?;
+    check(tree, path)?;
     let nodes = likelihood::max_likelihood(&tree.nodes);
     let data = binary::encode(&nodes);
     write_file(path, |out| {
@@ -67,10 +65,18 @@ pub fn write_bt(tree: &OccupancyTree, path: impl AsRef<Path>) -> Result<(), IoEr
 /// then.
 pub fn write_ot(tree: &OccupancyTree, path: impl AsRef<Path>) -> Result<(), IoError> {
     let path = path.as_ref();
-    check::tree(tree, path)?;
+    check(tree, path)?;
     write_file(path, |out| {
         Header::new(Kind::Full, tree.nodes.len(), tree.resolution_m).write(out)?;
         full::encode(&tree.nodes, out)
+    })
+}
+
+/// Refuses a tree that no reader would take back.
+fn check(tree: &OccupancyTree, path: &Path) -> Result<(), IoError> {
+    tree.check().map_err(|source| IoError::Invalid {
+        path: path.to_path_buf(),
+        source,
     })
 }
 

@@ -3,7 +3,7 @@
 use credence_types::{OccupancyNode, OccupancyTree};
 
 use super::{Arena, Grid, Kind, Node, OccupancyMap};
-use crate::{MapError, key::DEPTH};
+use crate::MapError;
 
 impl OccupancyMap {
     /// The whole tree, depth first.
@@ -28,14 +28,9 @@ impl OccupancyMap {
             arena: Arena::default(),
             root: Node::UNKNOWN,
         };
-        if tree.nodes.is_empty() {
-            return Ok(map);
-        }
-        let mut next = 0;
-        map.root = read(&mut map.arena, &tree.nodes, &mut next, 0)?;
-        if next < tree.nodes.len() {
-            let why = "belongs to no parent";
-            return Err(MapError::Tree { index: next, why });
+        tree.check()?;
+        if !tree.nodes.is_empty() {
+            map.root = read(&mut map.arena, &mut tree.nodes.iter());
         }
         Ok(map)
     }
@@ -62,33 +57,20 @@ fn push(arena: &Arena, node: Node, nodes: &mut Vec<OccupancyNode>) {
     }
 }
 
-fn read(
-    arena: &mut Arena,
-    nodes: &[OccupancyNode],
-    next: &mut usize,
-    depth: u32,
-) -> Result<Node, MapError> {
-    let index = *next;
-    let fail = |why| Err(MapError::Tree { index, why });
-    let Some(node) = nodes.get(index) else {
-        return fail("is missing");
+/// Takes the next subtree of nodes that are known to form a tree.
+fn read<'a>(arena: &mut Arena, nodes: &mut impl Iterator<Item = &'a OccupancyNode>) -> Node {
+    let Some(node) = nodes.next() else {
+        return Node::UNKNOWN;
     };
-    *next += 1;
-    if !node.log_odds.is_finite() {
-        return fail("has log-odds that are not finite");
-    }
     if node.children == 0 {
-        return Ok(Node::leaf(node.log_odds));
-    }
-    if depth == DEPTH {
-        return fail("has children below the 16th level");
+        return Node::leaf(node.log_odds);
     }
     let mut children = [Node::UNKNOWN; 8];
     for (i, child) in children.iter_mut().enumerate() {
         if node.children & 1 << i != 0 {
-            *child = read(arena, nodes, next, depth + 1)?;
+            *child = read(arena, nodes);
         }
     }
     let block = arena.allocate(children);
-    Ok(arena.inner(block))
+    arena.inner(block)
 }

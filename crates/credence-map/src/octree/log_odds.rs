@@ -1,13 +1,13 @@
 //! `OctoMap`'s sensor model and defaults (Hornung et al. 2013), as the nearest f32 to ln(p/(1-p)).
 
+use credence_types::OccupancyTree;
+
 /// A ray ends in the voxel: p = 0.7.
 pub(super) const HIT: f32 = 0.847_297_85;
 /// A ray passes through: p = 0.4.
 pub(super) const MISS: f32 = -0.405_465_1;
-/// Lower clamp: p = 0.1192.
-pub(super) const MIN: f32 = -2.000_028;
-/// Upper clamp: p = 0.971.
-pub(super) const MAX: f32 = 3.511_030_7;
+pub(super) const MIN: f32 = OccupancyTree::MIN_LOG_ODDS;
+pub(super) const MAX: f32 = OccupancyTree::MAX_LOG_ODDS;
 
 /// Log-odds after one more observation; a voxel already past its clamp stays as it is.
 pub(super) fn updated(log_odds: f32, observation: f32) -> f32 {
@@ -29,7 +29,7 @@ mod tests {
 
     #[test]
     fn constants_are_the_log_odds_of_octomaps_probabilities() {
-        for (constant, p) in [(HIT, 0.7), (MISS, 0.4), (MIN, 0.1192), (MAX, 0.971_f64)] {
+        for (constant, p) in [(HIT, 0.7), (MISS, 0.4_f64)] {
             assert_eq!(constant, (p / (1.0 - p)).ln() as f32);
         }
     }

@@ -107,7 +107,13 @@ impl OccupancyMap {
 
     /// What is known of a point's place.
     pub fn occupancy(&self, point_world: &Point) -> Occupancy {
-        match self.log_odds(point_world) {
+        let key = self.grid.key_of(point_world);
+        key.map_or(Occupancy::Unknown, |key| self.occupancy_at(key))
+    }
+
+    /// What is known of a voxel.
+    pub fn occupancy_at(&self, key: VoxelKey) -> Occupancy {
+        match self.log_odds_at(key) {
             None => Occupancy::Unknown,
             Some(log_odds) if log_odds < 0.0 => Occupancy::Free,
             Some(_) => Occupancy::Occupied,

@@ -191,7 +191,7 @@ fn refuses_what_is_no_tree() {
             nodes: vec![],
         });
         assert!(
-            message.contains(&format!("the resolution is {resolution_m}; give")),
+            message.contains(&format!("edge is {resolution_m}; give")),
             "{message}"
         );
     }
