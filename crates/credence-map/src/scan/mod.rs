@@ -26,7 +26,8 @@ use crate::{
 const BLOCK_BITS: u32 = 2;
 /// Depth of the node that is a block.
 pub(crate) const BLOCK_DEPTH: u32 = DEPTH - BLOCK_BITS;
-/// Most words in a dense bitmap: 64 MiB, a cube of 4 m at 5 mm.
+/// Most words in a dense bitmap: 64 MiB, a cube of 4 m at 5 mm. A scan takes two bitmaps, one of
+/// the voxels that rays pass and one of those in which they end.
 const DENSE_LIMIT: usize = 1 << 23;
 /// Most blocks that a scan too wide for the bitmap may touch: about 200 MB while it is traced.
 const SPARSE_LIMIT: usize = 1 << 22;

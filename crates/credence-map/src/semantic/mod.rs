@@ -7,18 +7,18 @@ mod voxel;
 
 use std::collections::BTreeMap;
 
-use credence_types::{CLASS_COUNT, Category, Frame, Instance, InvalidInput, Point};
+use credence_types::{Frame, Instance, InvalidInput, Point};
 pub use observe::SupportConfig;
 use observe::{Hit, observe};
 use rayon::prelude::*;
 pub use voxel::SemanticVoxel;
-use voxel::{Record, Sample};
+use voxel::{Label, Record, Sample};
 
 use crate::{
-    Aabb, FreeSampling, MapError, ObjectId, OccupancyMap, ScanUpdate, TrackedObject, TrackerConfig,
-    VoxelKey,
+    Aabb, FreeSampling, MapError, ObjectId, Occupancy, OccupancyMap, ScanUpdate, TrackedObject,
+    TrackerConfig, VoxelKey,
     scan::{ScanCells, end_key},
-    tracker::{Observation, Tracker},
+    tracker::{Observation, Tracker, class_votes},
 };
 
 /// How a scene is mapped.
@@ -26,8 +26,8 @@ use crate::{
 pub struct SemanticMapConfig {
     /// Edge of the smallest voxels, metres. Default 0.005.
     pub resolution_m: f64,
-    /// Pixels farther away only clear the way up to this distance. Default 3 m, the far end of a
-    /// D435's useful range.
+    /// Pixels farther away only clear the way up to this distance. Default 2 m: a wrist camera's
+    /// workspace, where a D435's depth noise stays about as small as four voxels.
     pub max_range_m: Option<f64>,
     /// When a point of a mask counts as lying on the object.
     pub support: SupportConfig,
@@ -39,7 +39,7 @@ impl Default for SemanticMapConfig {
     fn default() -> Self {
         Self {
             resolution_m: 0.005,
-            max_range_m: Some(3.0),
+            max_range_m: Some(2.0),
             support: SupportConfig::default(),
             tracker: TrackerConfig::default(),
         }
@@ -70,8 +70,9 @@ pub enum KeepAway<'a> {
 
 /// An occupancy octree, the semantics of its occupied voxels, and the objects they belong to.
 ///
-/// A voxel has a record from the first pixel that falls into it until the octree's evidence says
-/// that it is free. Everything is a function of the frames and instances in their order, not of
+/// The octree alone says which voxels are occupied: all of these, and no others, have a
+/// [`SemanticVoxel`]. What pixels tell of a voxel is kept while the octree still holds it free, for
+/// one view does not outweigh many that looked through it. Everything is a function of the frames and instances in their order, not of
 /// the order of instances within a frame or of the number of threads.
 #[derive(Debug, Clone)]
 pub struct SemanticMap {
@@ -114,8 +115,8 @@ impl SemanticMap {
     ///
     /// 1. All pixels with a depth are cast into the octree.
     /// 2. Detections become observations, and these are paired with the known objects.
-    /// 3. Objects that the view looks through are deleted; voxels that turned out free lose their
-    ///    record and their points.
+    /// 3. Objects that the view looks through are deleted, and their votes withdrawn; voxels that
+    ///    the view passes and the octree holds free lose what was seen there.
     /// 4. Observations are appended to their objects, and every pixel votes in its voxel.
     ///
     /// # Errors
@@ -146,13 +147,16 @@ impl SemanticMap {
                 Some((point, end_key(&grid, &origin, &point, max_range_m)?))
             })
             .collect();
-        let observations = observe(frame, instances, &hits, support, tracker.min_points)?;
+        let (observations, glimpses) =
+            observe(frame, instances, &hits, support, tracker.min_points)?;
         let ids = self.tracker.associate(&grid, &observations)?;
+        let glimpsed = self.tracker.glimpsed(&grid, &glimpses)?;
         let points: Vec<Point> = points.into_iter().flatten().collect();
         let cells = ScanCells::trace(&grid, &origin, &points, max_range_m)?;
 
         self.occupancy.apply(&cells);
-        let mut deleted = self.tracker.delete_absent(&cells, &ids);
+        let shown = ids.iter().flatten().chain(&glimpsed).copied().collect();
+        let mut deleted = self.tracker.delete_absent(&cells, &shown);
         self.forget(&deleted);
         self.clear_freed(&cells);
         let mut objects = vec![None; instances.len()];
@@ -172,23 +176,22 @@ impl SemanticMap {
         })
     }
 
-    /// Removes the records that belong to deleted objects.
+    /// Withdraws deleted objects' votes. The voxels stay as occupied as the octree holds them.
     fn forget(&mut self, deleted: &[ObjectId]) {
         if deleted.is_empty() {
             return;
         }
-        self.records.retain(|_, record| {
-            let stays = record.object().is_none_or(|id| !deleted.contains(&id));
+        for record in self.records.values_mut() {
             record.forget(deleted);
-            stays
-        });
+        }
     }
 
-    /// Removes the records, and the objects' points, in voxels that this scan turned free.
+    /// Removes the records, and the objects' points, in voxels that this scan passes and that are
+    /// free now.
     fn clear_freed(&mut self, cells: &ScanCells) {
         let occupancy = &self.occupancy;
         let stays = |key: &VoxelKey| {
-            !cells.is_free(*key) || occupancy.log_odds_at(*key).is_none_or(|l| l >= 0.0)
+            !cells.is_free(*key) || occupancy.occupancy_at(*key) == Occupancy::Occupied
         };
         self.records.retain(|key, _| stays(key));
         self.tracker.retain_voxels(stays);
@@ -205,8 +208,12 @@ impl SemanticMap {
     ) {
         let mut labels = vec![None; hits.len()];
         for observation in observations {
-            let scores = class_weights(&instances[observation.instance]);
-            let label = objects[observation.instance].map(|id| (id, scores));
+            let instance = &instances[observation.instance];
+            let label = objects[observation.instance].map(|id| Label {
+                id,
+                weight: instance.score(),
+                votes: class_votes(instance),
+            });
             for pixel in &observation.pixels {
                 labels[*pixel] = label;
             }
@@ -229,16 +236,19 @@ impl SemanticMap {
     /// The voxel at a point; `None` where none is occupied.
     pub fn voxel_at(&self, point_world: &Point) -> Option<SemanticVoxel> {
         let key = self.occupancy.grid().key_of(point_world)?;
-        let record = self.records.get(&key)?;
-        Some(record.voxel(self.occupancy.grid(), key))
+        self.voxel(key, self.records.get(&key)?)
+    }
+
+    /// What is known of a voxel; `None` unless the octree holds it occupied.
+    fn voxel(&self, key: VoxelKey, record: &Record) -> Option<SemanticVoxel> {
+        let is_occupied = self.occupancy.occupancy_at(key) == Occupancy::Occupied;
+        is_occupied.then(|| record.voxel(self.occupancy.grid(), key))
     }
 
     /// All occupied voxels by rising key.
     pub fn voxels(&self) -> impl Iterator<Item = SemanticVoxel> {
-        let grid = self.occupancy.grid();
-        self.records
-            .iter()
-            .map(|(key, record)| record.voxel(grid, *key))
+        let records = self.records.iter();
+        records.filter_map(|(key, record)| self.voxel(*key, record))
     }
 
     /// The occupied voxels whose centre lies in a box.
@@ -260,17 +270,18 @@ impl SemanticMap {
         object.ok_or(MapError::UnknownObject { id: id.0 })
     }
 
-    /// The voxels that belong to an object, by rising key.
+    /// The occupied voxels that belong to an object, by rising key. Few or none as long as the
+    /// octree holds more evidence of free space there; the object's points are not affected.
     ///
     /// # Errors
     /// An id that is not tracked.
     pub fn object_voxels(&self, id: ObjectId) -> Result<Vec<SemanticVoxel>, MapError> {
-        let grid = self.occupancy.grid();
         let record = |key: &VoxelKey| Some((*key, self.records.get(key)?));
         let keys = self.object(id)?.voxels();
         let owned = keys.iter().filter_map(record);
         let owned = owned.filter(|(_, record)| record.object() == Some(id));
-        Ok(owned.map(|(key, record)| record.voxel(grid, key)).collect())
+        let voxels = owned.filter_map(|(key, record)| self.voxel(key, record));
+        Ok(voxels.collect())
     }
 
     /// Mean confidence of an object's voxels; `None` as long as none is set.
@@ -283,8 +294,9 @@ impl SemanticMap {
         Ok((!set.is_empty()).then(|| set.iter().sum::<f64>() / set.len() as f64))
     }
 
-    /// Sets the confidence of an object's voxels: of each that holds any of the points, their mean.
-    /// Points elsewhere change nothing. Returns the number of voxels set.
+    /// Sets the confidences of an object's occupied voxels: of each that holds any of the points,
+    /// their mean; the others lose theirs, so that all come from one call. Points elsewhere change
+    /// nothing. Returns the number of voxels set.
     ///
     /// # Errors
     /// An id that is not tracked, lists of different lengths, a confidence outside \[0, 1\].
@@ -316,13 +328,18 @@ impl SemanticMap {
             }
         }
         let mut set = 0;
-        for (key, (sum, count)) in means {
-            if let Some(record) = self.records.get_mut(&key)
-                && record.object() == Some(id)
-            {
-                record.confidence = Some(sum / f64::from(count));
-                set += 1;
+        let object = self.tracker.objects().get(&id);
+        for key in object.into_iter().flat_map(TrackedObject::voxels) {
+            let Some(record) = self.records.get_mut(key) else {
+                continue;
+            };
+            if record.object() != Some(id) {
+                continue;
             }
+            let is_occupied = self.occupancy.occupancy_at(*key) == Occupancy::Occupied;
+            let mean = means.get(key).filter(|_| is_occupied);
+            record.set_confidence(mean.map(|(sum, count)| sum / f64::from(*count)));
+            set += usize::from(mean.is_some());
         }
         Ok(set)
     }
@@ -349,14 +366,4 @@ impl SemanticMap {
             KeepAway::Points(points) => self.occupancy.sample_free(sampling, points),
         }
     }
-}
-
-/// A detection's class scores by class index; what they leave of 1 goes to the background.
-fn class_weights(instance: &Instance) -> [f64; CLASS_COUNT] {
-    let mut weights = [0.0; CLASS_COUNT];
-    for (category, score) in Category::ALL.iter().zip(instance.class_scores()) {
-        weights[usize::from(category.class())] = *score;
-    }
-    weights[0] = (1.0 - weights.iter().sum::<f64>()).max(0.0);
-    weights
 }

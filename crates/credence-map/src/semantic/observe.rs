@@ -40,14 +40,14 @@ impl Default for SupportConfig {
 pub(super) type Hit = (Point, VoxelKey);
 
 /// The observations of at least `min_points` points, in an order that depends on the detections
-/// but not on the order of their list. `hits` holds a pixel's point and voxel where it has one.
+/// but not on the order of their list, and the voxels of each detection with fewer. `hits` holds a pixel's point and voxel where it has one.
 pub(super) fn observe(
     frame: &Frame,
     instances: &[Instance],
     hits: &[Option<Hit>],
     support: SupportConfig,
     min_points: usize,
-) -> Result<Vec<Observation>, MapError> {
+) -> Result<(Vec<Observation>, Vec<Vec<VoxelKey>>), MapError> {
     let owners = owners(frame, instances, hits)?;
     let mut observations: Vec<Observation> = (0..instances.len())
         .map(|instance| Observation {
@@ -58,24 +58,35 @@ pub(super) fn observe(
             voxels: Vec::new(),
         })
         .collect();
+    let mut seen = vec![Vec::new(); instances.len()];
     for (pixel, hit) in hits.iter().enumerate() {
-        if let (Some((point, key)), Some(owner)) = (hit, owners[pixel])
-            && is_supported(frame, hits, &owners, pixel, support)
-        {
+        let (Some((point, key)), Some(owner)) = (hit, owners[pixel]) else {
+            continue;
+        };
+        seen[owner].push(*key);
+        if is_supported(frame, hits, &owners, pixel, support) {
             let observation = &mut observations[owner];
             observation.pixels.push(pixel);
             observation.cloud.push(*point, frame.rgb()[pixel]);
             observation.keys.push(*key);
         }
     }
-    observations.retain(|o| o.pixels.len() >= min_points.max(1));
+    let mut glimpses = Vec::new();
+    observations.retain(|o| {
+        let is_large = o.pixels.len() >= min_points.max(1);
+        if !is_large && !seen[o.instance].is_empty() {
+            // Too few pixels to support each other count here.
+            glimpses.push(std::mem::take(&mut seen[o.instance]));
+        }
+        is_large
+    });
     observations.sort_unstable_by_key(|o| o.pixels[0]);
     for observation in &mut observations {
         observation.voxels.clone_from(&observation.keys);
         observation.voxels.sort_unstable();
         observation.voxels.dedup();
     }
-    Ok(observations)
+    Ok((observations, glimpses))
 }
 
 /// The detection that each pixel with a point belongs to.

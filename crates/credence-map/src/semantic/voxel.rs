@@ -2,7 +2,7 @@ use credence_types::{CLASS_COUNT, FREE_CLASS, Point};
 
 use crate::{ObjectId, VoxelKey, key::Grid};
 
-/// One occupied voxel as the seed paper's Table I has it.
+/// One voxel that the octree holds occupied, as the seed paper's Table I has it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SemanticVoxel {
     /// The voxel.
@@ -11,11 +11,12 @@ pub struct SemanticVoxel {
     pub centre: Point,
     /// Mean colour of its pixels.
     pub rgb: [u8; 3],
-    /// Votes per class index, one view one vote; 0 is background.
+    /// Votes per class index; 0 is background. A view casts one vote, of which every pixel has the
+    /// same part, times the detection's score where one covers the pixel.
     pub histogram: [f64; CLASS_COUNT],
     /// The class with most votes, the first of equals: the histogram's mode.
     pub class: u8,
-    /// Confidence, once a classifier has set it.
+    /// Confidence, once a classifier has set it and as long as the object stays the same.
     pub confidence: Option<f64>,
     /// The object that most views put it on; `None` for background.
     pub object: Option<ObjectId>,
@@ -25,20 +26,32 @@ pub struct SemanticVoxel {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sample {
     pub(super) rgb: [u8; 3],
-    /// Object and class scores of the detection that covers the pixel; `None` for background.
-    pub(super) label: Option<(ObjectId, [f64; CLASS_COUNT])>,
+    /// The object that covers the pixel; `None` for background.
+    pub(super) label: Option<Label>,
 }
 
-/// What is accumulated for a voxel.
+/// A detection's vote.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Label {
+    pub(super) id: ObjectId,
+    /// Its score.
+    pub(super) weight: f64,
+    /// Its votes per class, which add up to the weight.
+    pub(super) votes: [f64; CLASS_COUNT],
+}
+
+/// The evidence that pixels have left in a voxel. It is kept whatever the octree holds of the
+/// voxel, until a view looks through it; only occupied voxels are shown.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Record {
     rgb_sum: [u64; 3],
     pixels: u64,
-    histogram: [f64; CLASS_COUNT],
     background: f64,
-    /// Votes per object, by rising id.
-    owners: Vec<(ObjectId, f64)>,
-    pub(super) confidence: Option<f64>,
+    /// The vote for each object, by rising id. Class votes stand with the object that they came
+    /// with, so that they can be withdrawn with it.
+    labels: Vec<Label>,
+    /// The confidence and the object that it was computed for.
+    confidence: Option<(ObjectId, f64)>,
 }
 
 impl Record {
@@ -50,48 +63,85 @@ impl Record {
                 *sum += u64::from(value);
             }
             self.pixels += 1;
-            let Some((id, scores)) = label else {
-                self.histogram[usize::from(FREE_CLASS)] += weight;
+            let Some(label) = label else {
                 self.background += weight;
                 continue;
             };
-            for (votes, score) in self.histogram.iter_mut().zip(scores) {
-                *votes += weight * score;
-            }
-            match self.owners.binary_search_by_key(&id, |o| o.0) {
-                Ok(i) => self.owners[i].1 += weight,
-                Err(i) => self.owners.insert(i, (id, weight)),
+            let at = match self.labels.binary_search_by_key(&label.id, |l| l.id) {
+                Ok(at) => at,
+                Err(at) => {
+                    let none = Label {
+                        weight: 0.0,
+                        votes: [0.0; CLASS_COUNT],
+                        ..label
+                    };
+                    self.labels.insert(at, none);
+                    at
+                }
+            };
+            let sum = &mut self.labels[at];
+            sum.weight += weight * label.weight;
+            for (sum, vote) in sum.votes.iter_mut().zip(label.votes) {
+                *sum += weight * vote;
             }
         }
+        self.drop_stale_confidence();
     }
 
     /// The object with most votes, the lowest id of equals; `None` if none has more than the
     /// background.
     pub(super) fn object(&self) -> Option<ObjectId> {
         let mut best = (None, self.background);
-        for (id, votes) in &self.owners {
-            if *votes > best.1 {
-                best = (Some(*id), *votes);
+        for label in &self.labels {
+            if label.weight > best.1 {
+                best = (Some(label.id), label.weight);
             }
         }
         best.0
     }
 
-    /// Withdraws an object's votes.
+    /// Withdraws deleted objects' votes, for the object and for its classes.
     pub(super) fn forget(&mut self, deleted: &[ObjectId]) {
-        self.owners.retain(|(id, _)| !deleted.contains(id));
+        self.labels.retain(|label| !deleted.contains(&label.id));
+        self.drop_stale_confidence();
+    }
+
+    /// Sets the confidence that the voxel has as a part of its object.
+    pub(super) fn set_confidence(&mut self, confidence: Option<f64>) {
+        self.confidence = self.object().zip(confidence);
+    }
+
+    /// A confidence was computed for one object and says nothing of another.
+    fn drop_stale_confidence(&mut self) {
+        if let Some((id, _)) = self.confidence
+            && self.object() != Some(id)
+        {
+            self.confidence = None;
+        }
+    }
+
+    fn histogram(&self) -> [f64; CLASS_COUNT] {
+        let mut histogram = [0.0; CLASS_COUNT];
+        histogram[usize::from(FREE_CLASS)] = self.background;
+        for label in &self.labels {
+            for (sum, votes) in histogram.iter_mut().zip(label.votes) {
+                *sum += votes;
+            }
+        }
+        histogram
     }
 
     pub(super) fn voxel(&self, grid: &Grid, key: VoxelKey) -> SemanticVoxel {
         let pixels = self.pixels.max(1);
         let mean = |sum: u64| ((sum + pixels / 2) / pixels) as u8;
+        let histogram = self.histogram();
         SemanticVoxel {
             key,
             centre: grid.centre_of(key, crate::key::DEPTH),
             rgb: self.rgb_sum.map(mean),
-            histogram: self.histogram,
-            class: mode(&self.histogram),
-            confidence: self.confidence,
+            histogram,
+            class: mode(&histogram),
+            confidence: self.confidence.map(|c| c.1),
             object: self.object(),
         }
     }
@@ -116,7 +166,11 @@ mod tests {
             |class: u8| std::array::from_fn(|i| f64::from(u8::from(i == usize::from(class))));
         Sample {
             rgb: [value, 0, 255],
-            label: label.map(|(id, class)| (ObjectId(id), one_hot(class))),
+            label: label.map(|(id, class)| Label {
+                id: ObjectId(id),
+                weight: 1.0,
+                votes: one_hot(class),
+            }),
         }
     }
 
@@ -139,13 +193,50 @@ mod tests {
     fn background_keeps_a_tie() {
         let mut record = Record::default();
         record.add([sample(0, Some((1, 6))), sample(0, None)].into_iter());
-        assert_eq!((record.object(), mode(&record.histogram)), (None, 0));
+        assert_eq!((record.object(), mode(&record.histogram())), (None, 0));
         record.add([sample(0, Some((1, 6)))].into_iter());
         assert_eq!(
-            (record.object(), mode(&record.histogram)),
+            (record.object(), mode(&record.histogram())),
             (Some(ObjectId(1)), 6)
         );
+    }
+
+    #[test]
+    fn a_forgotten_object_takes_its_votes_along() {
+        let mut record = Record::default();
+        record.add([sample(0, Some((1, 6)))].into_iter());
+        record.add([sample(0, Some((1, 6)))].into_iter());
+        record.add([sample(0, Some((2, 2)))].into_iter());
+        record.add([sample(4, None), sample(4, Some((1, 6)))].into_iter());
+        record.set_confidence(Some(0.75));
         record.forget(&[ObjectId(1)]);
-        assert_eq!(record.object(), None);
+        let grid = Grid::new(1.0).unwrap();
+        let voxel = record.voxel(&grid, VoxelKey::from_axes([32768; 3]));
+        assert_eq!(voxel.histogram, [0.5, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]);
+        assert_eq!((voxel.class, voxel.object), (2, Some(ObjectId(2))));
+        // Colour is of the place, not of the object: 8 over 5 pixels.
+        assert_eq!((voxel.rgb, voxel.confidence), ([2, 0, 255], None));
+    }
+
+    #[test]
+    fn a_confidence_goes_with_its_object() {
+        let mut record = Record::default();
+        record.set_confidence(Some(0.5));
+        assert_eq!(record.confidence, None);
+        record.add([sample(0, Some((1, 6)))].into_iter());
+        record.set_confidence(Some(0.5));
+        record.add([sample(0, Some((2, 6)))].into_iter());
+        assert_eq!(record.confidence, Some((ObjectId(1), 0.5)));
+        record.add([sample(0, Some((2, 6)))].into_iter());
+        assert_eq!(
+            (record.object(), record.confidence),
+            (Some(ObjectId(2)), None)
+        );
+        record.add([sample(0, Some((1, 6))); 3].into_iter());
+        record.add([sample(0, Some((1, 6)))].into_iter());
+        assert_eq!(
+            (record.object(), record.confidence),
+            (Some(ObjectId(1)), None)
+        );
     }
 }

@@ -1,6 +1,6 @@
 use std::fmt;
 
-use credence_types::{CLASS_COUNT, Category, Instance, Point, PointCloud};
+use credence_types::{CLASS_COUNT, Category, FREE_CLASS, Instance, Point, PointCloud};
 
 use crate::VoxelKey;
 
@@ -62,8 +62,9 @@ impl TrackedObject {
         self.id
     }
 
-    /// Votes per class index, one view one vote: the detections' class scores times their score.
-    /// Pixels of one view err together, so they do not vote one by one.
+    /// Votes per class index, one view one vote: the detections' class scores times their score, as
+    /// in the voxels; 0 gets what class scores leave of 1. Pixels of one view err together, so they
+    /// do not vote one by one.
     pub const fn class_histogram(&self) -> &[f64; CLASS_COUNT] {
         &self.histogram
     }
@@ -106,8 +107,8 @@ impl TrackedObject {
     }
 
     pub(super) fn append(&mut self, instance: &Instance, observation: &Observation) {
-        for (category, score) in Category::ALL.iter().zip(instance.class_scores()) {
-            self.histogram[usize::from(category.class())] += score * instance.score();
+        for (sum, votes) in self.histogram.iter_mut().zip(class_votes(instance)) {
+            *sum += votes;
         }
         self.score_sum += instance.score();
         self.views += 1;
@@ -135,6 +136,17 @@ impl TrackedObject {
         self.cloud = cloud;
         self.keys = keys;
     }
+}
+
+/// A detection's vote per class index: its class scores, and what they leave of 1 for the
+/// background, times its score.
+pub(crate) fn class_votes(instance: &Instance) -> [f64; CLASS_COUNT] {
+    let mut votes = [0.0; CLASS_COUNT];
+    for (category, score) in Category::ALL.iter().zip(instance.class_scores()) {
+        votes[usize::from(category.class())] = *score;
+    }
+    votes[usize::from(FREE_CLASS)] = (1.0 - votes.iter().sum::<f64>()).max(0.0);
+    votes.map(|vote| vote * instance.score())
 }
 
 /// The points' mean; the origin if there is none.

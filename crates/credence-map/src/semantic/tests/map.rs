@@ -45,12 +45,7 @@ fn a_voxel_holds_what_table_i_lists() {
 #[test]
 fn records_and_octree_agree() {
     let map = one_ball();
-    for voxel in map.voxels() {
-        assert_eq!(
-            map.occupancy().occupancy(&voxel.centre),
-            Occupancy::Occupied
-        );
-    }
+    assert_agreement(&map);
     let within = Aabb::new(Point::new(-0.05, -0.05, 0.01), Point::new(0.05, 0.05, 0.1)).unwrap();
     let owned = map
         .voxels_within(&within)
@@ -61,6 +56,34 @@ fn records_and_octree_agree() {
     let surface = |v: &SemanticVoxel| ((v.centre - Point::new(0.0, 0.0, 0.04)).norm() - 0.04).abs();
     // Half a voxel's diagonal.
     assert!(all.iter().all(|v| surface(v) < 0.0044));
+}
+
+#[test]
+fn one_view_of_an_object_does_not_outweigh_many_of_empty_space() {
+    let mut map = empty();
+    for _ in 0..6 {
+        show(&mut map, &[], eye(0.0), [0.0; 3]);
+    }
+    let above_table = |v: &SemanticVoxel| v.centre.z > 0.01;
+    for seen in 1..=3 {
+        show(&mut map, &[ball(0.0, 0.0)], eye(0.0), [0.0; 3]);
+        assert_agreement(&map);
+        // Free space is at its clamp: -2.0, then -1.15, -0.31 and 0.54.
+        let shown = map.object_voxels(BALL).unwrap();
+        let count = shown.iter().filter(|v| above_table(v)).count();
+        assert_eq!(count > 100, seen == 3, "{count} after {seen}");
+        assert_eq!(map.voxels().any(|v| above_table(&v)), seen == 3);
+        // What was seen is evidence all the same: of the object at once, of a voxel in the end.
+        let object = map.object(BALL).unwrap();
+        assert!(object.cloud().len() > 100 && object.voxels().len() > 100);
+        let mugs = |v: &SemanticVoxel| v.histogram[usize::from(Category::Mug.class())];
+        assert!(
+            shown
+                .iter()
+                .filter(|v| above_table(v))
+                .all(|v| mugs(v) > 2.0)
+        );
+    }
 }
 
 #[test]
@@ -141,9 +164,12 @@ fn the_better_detection_takes_shared_pixels() {
         (top.class, top.object),
         (Category::Mug.class(), report.objects[1])
     );
-    // What the class scores leave of 1 goes to the background.
+    // The detection's score weights its vote; what the class scores leave of 1 is background's.
     let table = on_table(&map);
-    assert!((table.histogram[0] - 0.1).abs() < 1e-12);
+    assert!((table.histogram[0] - 0.05).abs() < 1e-12);
+    assert!((table.histogram[2] - 0.45).abs() < 1e-12);
+    let object = map.object(report.objects[0].unwrap()).unwrap();
+    assert_eq!(object.class_histogram(), &table.histogram);
     assert_eq!((table.class, table.object), (2, report.objects[0]));
 }
 
@@ -168,6 +194,32 @@ fn confidences_are_means_per_voxel() {
     assert_eq!(map.voxel_at(&a).unwrap().confidence, Some(0.5));
     assert_eq!(map.voxel_at(&b).unwrap().confidence, Some(1.0));
     assert_eq!(map.object_confidence(BALL), Ok(Some(0.75)));
+}
+
+#[test]
+fn confidences_come_from_the_last_call() {
+    let mut map = one_ball();
+    let voxels = map.object_voxels(BALL).unwrap();
+    let (a, b) = (voxels[0].centre, voxels[1].centre);
+    assert_eq!(map.set_confidences(BALL, &[a], &[0.25]), Ok(1));
+    assert_eq!(map.set_confidences(BALL, &[b], &[0.75]), Ok(1));
+    assert_eq!(map.voxel_at(&a).unwrap().confidence, None);
+    assert_eq!(map.object_confidence(BALL), Ok(Some(0.75)));
+    assert_eq!(map.set_confidences(BALL, &[], &[]), Ok(0));
+    assert_eq!(map.object_confidence(BALL), Ok(None));
+}
+
+#[test]
+fn a_new_owner_does_not_take_over_a_confidence() {
+    let mut map = one_ball();
+    let top = Point::new(0.001, 0.001, 0.079);
+    assert_eq!(map.set_confidences(BALL, &[top], &[0.75]), Ok(1));
+    let view = View::new(&[ball(0.0, 0.0)], eye(0.0), [0.0; 3]);
+    for confidence in [Some(0.75), None] {
+        // Two views found the ball there; from the second without it, the background has as many.
+        map.insert(&view.frame(), &[]).unwrap();
+        assert_eq!(map.voxel_at(&top).unwrap().confidence, confidence);
+    }
 }
 
 #[test]

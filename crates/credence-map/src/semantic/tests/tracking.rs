@@ -1,4 +1,4 @@
-use credence_types::Category;
+use credence_types::{CLASS_COUNT, Category};
 
 use super::{
     scene::{Shape, View, ball, eye},
@@ -33,6 +33,48 @@ fn two_like_mugs_stay_two() {
     }
 }
 
+/// A view in which nothing but one shape has a depth, and its detection.
+fn alone(shapes: &[Shape], shape: usize, eye: [f64; 3]) -> (View, Instance) {
+    let mut view = View::new(shapes, eye, [0.0; 3]);
+    let mask = view.mask(shape);
+    for (depth_m, masked) in view.depth_m.iter_mut().zip(&mask) {
+        if !masked {
+            *depth_m = f32::NAN;
+        }
+    }
+    (view, Instance::certain(0, mask, Category::Mug).unwrap())
+}
+
+#[test]
+fn like_mugs_that_nearly_touch_stay_two_in_views_of_one_each() {
+    // 9 cm apart and 8 cm wide, each seen from all sides, the sides that face each other too.
+    let shapes = [ball(0.0, -0.045), ball(0.0, 0.045)];
+    for first in [0.0, 30.0, 60.0, 90.0, 120.0, 180.0] {
+        for second in [0.0, -30.0, -60.0, -90.0, -120.0, 180.0] {
+            let mut map = empty();
+            for (shape, azimuth) in [(0, first), (1, second), (0, second), (1, first)] {
+                let (view, instance) = alone(&shapes, shape, eye(azimuth));
+                let report = map.insert(&view.frame(), &[instance]).unwrap();
+                let id = [FIRST, SECOND][shape];
+                assert_eq!(report.objects, [Some(id)], "{first} and {second} degrees");
+            }
+            assert_eq!(ids(&map), [1, 2]);
+        }
+    }
+}
+
+#[test]
+fn opposite_sides_of_a_mug_are_one_object() {
+    for azimuth in [0.0, 45.0] {
+        let mut map = empty();
+        for azimuth in [azimuth, azimuth + 180.0] {
+            let (view, instance) = alone(&[ball(0.0, 0.0)], 0, eye(azimuth));
+            map.insert(&view.frame(), &[instance]).unwrap();
+        }
+        assert_eq!(ids(&map), [1]);
+    }
+}
+
 #[test]
 fn ids_survive_views_that_do_not_overlap() {
     let shapes = [ball(0.0, -0.5), ball(0.0, 0.5)];
@@ -47,7 +89,7 @@ fn ids_survive_views_that_do_not_overlap() {
 }
 
 #[test]
-fn an_object_that_leaves_is_deleted_with_its_voxels_and_points() {
+fn an_object_that_leaves_is_deleted_and_its_votes_withdrawn() {
     let shapes = pair();
     let mut map = empty();
     show(&mut map, &shapes, eye(0.0), [0.0; 3]);
@@ -64,12 +106,18 @@ fn an_object_that_leaves_is_deleted_with_its_voxels_and_points() {
     );
     assert_eq!(ids(&map), [2]);
     assert!(map.voxels().all(|v| v.object != Some(FIRST)));
-    let remain = left
+    assert_agreement(&map);
+    // Two hits outweigh a miss, and the back was not in view: such voxels stay, without the label.
+    let remain: Vec<SemanticVoxel> = left
         .iter()
-        .filter(|v| map.voxel_at(&v.centre).is_some())
-        .count();
-    // Only where the table is seen now.
-    assert!(remain * 5 < left.len(), "{remain} of {}", left.len());
+        .filter_map(|v| map.voxel_at(&v.centre))
+        .filter(|v| v.centre.z > 0.01)
+        .collect();
+    assert!(remain.len() > 50);
+    for voxel in remain {
+        assert_eq!((voxel.class, voxel.rgb), (0, [200, 0, 0]));
+        assert_eq!(voxel.histogram, [0.0; CLASS_COUNT]);
+    }
     assert_eq!(
         map.object(FIRST).unwrap_err(),
         MapError::UnknownObject { id: 1 }
@@ -101,6 +149,30 @@ fn an_object_that_the_segmenter_misses_is_not_deleted() {
     let view = View::new(&shapes, eye(0.0), [0.0; 3]);
     let report = map.insert(&view.frame(), &[]).unwrap();
     assert_eq!((ids(&map), report.deleted), (vec![1, 2], vec![]));
+}
+
+#[test]
+fn an_object_seen_on_too_few_pixels_is_not_deleted() {
+    let mut map = empty();
+    show(&mut map, &[ball(0.0, 0.0)], eye(0.0), [0.0; 3]);
+    // Most of it is gone, and what is left covers fewer than the ten pixels of a detection.
+    let rest = |x: f64| Shape {
+        centre: Point::new(x, 0.0, 0.07),
+        radius_m: 0.005,
+        ..ball(0.0, 0.0)
+    };
+    let view = View::new(&[rest(0.0)], eye(0.0), [0.0; 3]);
+    let pixels = view.mask(0).iter().filter(|m| **m).count();
+    assert!((1..10).contains(&pixels), "{pixels}");
+    let (instances, _) = view.instances(&[rest(0.0)]);
+    let report = map.insert(&view.frame(), &instances).unwrap();
+    assert_eq!((report.objects, report.deleted), (vec![None], vec![]));
+    assert_eq!(ids(&map), [1]);
+    // As small a detection elsewhere says nothing of it.
+    let view = View::new(&[rest(-0.15)], eye(0.0), [0.0; 3]);
+    let (instances, _) = view.instances(&[rest(-0.15)]);
+    let report = map.insert(&view.frame(), &instances).unwrap();
+    assert_eq!((report.objects, report.deleted), (vec![None], vec![FIRST]));
 }
 
 #[test]
