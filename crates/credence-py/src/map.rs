@@ -66,12 +66,15 @@ impl PyOccupancyMap {
     }
 
     fn leaves<'py>(&self, py: Python<'py>) -> LeafArrays<'py> {
-        let (mut centres, mut sizes, mut log_odds) = (Vec::new(), Vec::new(), Vec::new());
-        for leaf in self.0.leaves() {
-            centres.push(leaf.centre);
-            sizes.push(leaf.size_m);
-            log_odds.push(leaf.log_odds);
-        }
+        let (centres, sizes, log_odds) = py.detach(|| {
+            let (mut centres, mut sizes, mut log_odds) = (Vec::new(), Vec::new(), Vec::new());
+            for leaf in self.0.leaves() {
+                centres.push(leaf.centre);
+                sizes.push(leaf.size_m);
+                log_odds.push(leaf.log_odds);
+            }
+            (centres, sizes, log_odds)
+        });
         (
             arrays::from_points(&centres).to_pyarray(py),
             sizes.to_pyarray(py),
@@ -130,6 +133,12 @@ impl PyMappedObject {
     #[getter]
     fn rgb<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<u8>> {
         arrays::from_colours(&self.0.cloud().rgb).to_pyarray(py)
+    }
+
+    /// Writes the observed points with their colours as PLY.
+    fn write_ply(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        py.detach(|| credence_io::write_point_cloud(self.0.cloud(), &path))
+            .map_err(|err| to_python(&err))
     }
 }
 
