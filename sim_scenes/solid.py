@@ -75,13 +75,7 @@ def solid_from_model(model: ObjectModel) -> Solid:
     # Vertices that differ in texture or normal alone are one: closed is a matter of positions.
     points, index = np.unique(vertices, axis=0, return_inverse=True)
     merged = trimesh.Trimesh(points, index.reshape(-1)[faces], process=False)
-    try:
-        hull = merged.convex_hull
-    # Qhull's error is a RuntimeError.
-    except (RuntimeError, ValueError) as error:
-        raise ObjectError(
-            f"{model.path}: is flat, so it cannot stand on a table; leave it out of the manifest"
-        ) from error
+    hull = merged.convex_hull
     return Solid(
         name=model.name,
         category=model.category,

@@ -65,7 +65,6 @@ def simulated(
     config: Config, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[Path, list[Record]]:
     """A dataset of a mug alone and a bowl among others, and the records of its scenes."""
-    pytest.importorskip("pybullet")
     mug, bowl = plan_jobs(config, load_object_set(None).models)
     jobs = [mug, replace(bowl, cluttered=True)]
     scenes, records = [], []
@@ -156,7 +155,6 @@ def test_a_dataset_gives_the_records_of_its_scenes(
 def test_what_export_writes_gives_the_bytes_of_the_benchmark(
     settings: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    pytest.importorskip("pybullet")
     bowls = tmp_path / "bowls.toml"
     text = SETTINGS.replace("[run]", '[run]\nclasses = ["bowl"]')
     bowls.write_text(text.replace("[scenes]", "[scenes]\ncluttered = true"), encoding="utf-8")
@@ -185,8 +183,6 @@ def test_what_export_writes_gives_the_bytes_of_the_benchmark(
 def test_scenes_that_cannot_be_simulated_are_named(
     settings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pytest.importorskip("pybullet")
-
     def refuse(job: SceneJob, config: Config) -> Scene:
         if job.category in refused:
             raise SceneError("out of reach")

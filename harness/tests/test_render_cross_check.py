@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("pybullet", reason="pybullet has wheels for CPython up to 3.11")
-
 from harness.native import MeshTruth
 from sim_scenes import DepthNoise, Frame, Scene, SceneObject, SceneSpec, load_object_set, simulate
 

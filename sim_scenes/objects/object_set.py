@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import trimesh
 
 from sim_scenes.objects.errors import ObjectError
@@ -17,6 +18,8 @@ BENCHMARK_FOLDER = Path(__file__).resolve().parents[2] / "assets"
 PACKAGES = ("pybullet_data",)
 LARGEST_M = 1.0
 SMALLEST_M = 0.005
+# A sheet thinner than this has no convex hull to stand on.
+THINNEST_M = 0.0005
 # Lines of an OBJ file among which its material library is looked for.
 OBJ_HEADER_LINES = 200
 
@@ -45,18 +48,14 @@ class ObjectModel:
     license: str | None = None
     texture_path: Path | None = None
 
-    @property
-    def has_texture(self) -> bool:
-        """Whether the mesh comes with a picture of its own."""
-        return self.texture_path is not None
-
     def load_mesh(self) -> trimesh.Trimesh:
         """Read the mesh in its own frame; coordinates are rounded to float32, nothing else changes.
 
         Raises
         ------
         ObjectError
-            The file is unreadable, empty, not finite, over 1 m or under 5 mm.
+            The file is unreadable, empty, not finite, over 1 m, under 5 mm, or flat; a face names
+            a vertex that is not there.
         """
         remedy = "export it again as OBJ, PLY, STL or GLB, or leave it out of the manifest"
         try:
@@ -68,6 +67,13 @@ class ObjectModel:
             ) from error
         if len(mesh.faces) == 0:
             raise ObjectError(f"{self.path}: has no faces; {remedy}")
+        outside = (mesh.faces < 0) | (mesh.faces >= len(mesh.vertices))
+        if outside.any():
+            face, corner = np.argwhere(outside)[0]
+            raise ObjectError(
+                f"{self.path}: face {face} names vertex {mesh.faces[face, corner]} of "
+                f"{len(mesh.vertices)}; {remedy}"
+            )
         exact = np.asarray(mesh.vertices).astype(np.float32).astype(np.float64)
         if not np.isfinite(exact).all():
             bad = int(np.flatnonzero(~np.isfinite(exact).all(axis=1))[0])
@@ -86,6 +92,12 @@ class ObjectModel:
             raise ObjectError(
                 f"{self.path}: {largest * 1e3:.3g} mm large, under {SMALLEST_M * 1e3:g} mm; "
                 "scale it to metres"
+            )
+        thickness = _thickness_m(exact)
+        if thickness < THINNEST_M:
+            raise ObjectError(
+                f"{self.path}: {thickness * 1e3:.3g} mm thick, under {THINNEST_M * 1e3:g} mm: too "
+                "flat to stand on a table; give it a thickness, or leave it out of the manifest"
             )
         return mesh
 
@@ -155,6 +167,13 @@ def _read_mesh(path: Path) -> trimesh.Trimesh:
             return only
     whole: trimesh.Trimesh = scene.to_mesh()
     return whole
+
+
+def _thickness_m(vertices: npt.NDArray[np.float64]) -> float:
+    """Extent of points (n, 3) along their axis of least variance: 0 for every plane."""
+    centred = vertices - vertices.mean(axis=0)
+    _, axes = np.linalg.eigh(centred.T @ centred)
+    return float(np.ptp(centred @ axes[:, 0]))
 
 
 def _model(record: Record, folder: Path) -> ObjectModel:

@@ -86,7 +86,6 @@ def test_reading_back_gives_the_same_bits(tiny_scene: Scene, written: Path) -> N
 def test_simulated_scenes_read_back_and_share_models(
     object_set: ObjectSet, small: SceneSpec, tmp_path: Path
 ) -> None:
-    pytest.importorskip("pybullet")
     crowded = SceneSpec.clutter("mug", objects=(3, 3), views=1, image_size=(160, 120))
     scenes = [simulate(small, 0, object_set), simulate(crowded, 0, object_set)]
     assert write_bop(iter(scenes), tmp_path / "set", split="val") == []
@@ -98,7 +97,6 @@ def test_simulated_scenes_read_back_and_share_models(
 def test_masks_of_a_simulated_scene_hold_the_visible_part(
     object_set: ObjectSet, tmp_path: Path
 ) -> None:
-    pytest.importorskip("pybullet")
     spec = SceneSpec(models=("box",), views=1, image_size=(160, 120), depth_noise=DepthNoise.off())
     scene = simulate(spec, 0, object_set)
     (note,) = write_bop([scene], tmp_path / "set")

@@ -5,12 +5,15 @@ import json
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pybullet_data
 import pytest
 import trimesh
 
+from sim_scenes.geometry import rigid, rotation_from_quaternion
 from sim_scenes.objects import CATEGORIES, ObjectError, load_object_set, object_set
 from sim_scenes.objects.draws import Split
 from sim_scenes.objects.generate import encode_object
+from sim_scenes.solid import solid_from_model
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -33,6 +36,16 @@ def put(folder: Path, mesh: trimesh.Trimesh = BOX, path: str = "a.obj") -> Path:
     return target
 
 
+def indexed(vertex: int) -> bytes:
+    """A tetrahedron of 10 cm, two of its faces, the second of which ends in a given vertex."""
+    header = (
+        "ply\nformat ascii 1.0\nelement vertex 4\n"
+        "property float x\nproperty float y\nproperty float z\n"
+        "element face 2\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    return f"{header}0 0 0\n.1 0 0\n0 .1 0\n0 0 .1\n3 0 1 2\n3 0 1 {vertex}\n".encode()
+
+
 @pytest.mark.parametrize("name", ["manifest.json", "MANIFEST.json"])
 def test_reads_a_folder(tmp_path: Path, name: str) -> None:
     put(tmp_path, path="mug/blue/model.obj")
@@ -44,9 +57,9 @@ def test_reads_a_folder(tmp_path: Path, name: str) -> None:
         name=name,
     )
     found = load_object_set(tmp_path)
-    assert [(m.name, m.category, m.license, m.has_texture) for m in found.models] == [
-        ("blue", "mug", "MIT", False),
-        ("deep", "bowl", None, False),
+    assert [(m.name, m.category, m.license, m.texture_path) for m in found.models] == [
+        ("blue", "mug", "MIT", None),
+        ("deep", "bowl", None, None),
     ]
     assert found.of("bowl") == found.models[1:]
     found.check_meshes()
@@ -69,7 +82,7 @@ def test_finds_the_picture_of_an_obj(tmp_path: Path) -> None:
     target.write_text("mtllib a.mtl\n" + target.read_text(encoding="utf-8"), encoding="utf-8")
     (tmp_path / "a.mtl").write_text("newmtl m\nmap_Kd skin.png\n", encoding="utf-8")
     write(tmp_path, mug())
-    assert not load_object_set(tmp_path).models[0].has_texture
+    assert load_object_set(tmp_path).models[0].texture_path is None
     (tmp_path / "skin.png").write_bytes(b"picture")
     assert load_object_set(tmp_path).models[0].texture_path == tmp_path / "skin.png"
 
@@ -82,7 +95,7 @@ def test_texture_of_the_manifest(tmp_path: Path) -> None:
 
 
 def test_package_mesh_is_found_in_its_package() -> None:
-    found = pytest.importorskip("pybullet_data").getDataPath()
+    found = pybullet_data.getDataPath()
     models = load_object_set().models
     mug_model = next(m for m in models if m.name == "mug_pybullet")
     assert str(mug_model.path).startswith(found)
@@ -182,6 +195,13 @@ def test_names_are_unique(tmp_path: Path) -> None:
         ("a.obj", b"v 0 0 0\nv .1 0 0\nv 0 .1 0\nf 1 2 9\n", "cannot be read as a mesh"),
         ("a.obj", b"v 0 0 0\nv 80 0 0\nv 0 90 0\nf 1 2 3\n", "90 m large, over 1 m; scale it"),
         ("a.obj", b"v 0 0 0\nv .004 0 0\nv 0 .004 0\nf 1 2 3\n", "4 mm large, under 5 mm"),
+        (
+            "a.obj",
+            b"v 0 0 0\nv .1 0 0\nv 0 .1 .1\nf 1 2 3\n",
+            "mm thick, under 0.5 mm: too flat to",
+        ),
+        ("a.ply", indexed(-1), "face 1 names vertex -1 of 4; export it again"),
+        ("a.ply", indexed(4), "face 1 names vertex 4 of 4; export it again"),
         ("a.xyzw", b"what is this", "cannot be read as a mesh"),
     ],
 )
@@ -197,6 +217,24 @@ def test_meshes_that_cannot_be_used(tmp_path: Path, name: str, data: bytes, mess
     assert str(caught.value).startswith(str(tmp_path / name))
     with pytest.raises(ObjectError, match=message):
         load_object_set(tmp_path).check_meshes()
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.7])
+def test_a_sheet_of_a_millimetre_is_not_flat_and_a_thinner_one_is(
+    tmp_path: Path, tilt: float
+) -> None:
+    turn = rigid(
+        rotation=rotation_from_quaternion([np.sin(tilt), 0.0, 0.0, np.cos(tilt)]),
+        translation=[0, 0, 0],
+    )
+    for thickness_m, name in ((0.001, "card.ply"), (0.0003, "foil.ply")):
+        put(tmp_path, trimesh.creation.box((0.1, 0.08, thickness_m), transform=turn), name)
+    write(tmp_path, mug("card.ply"), mug("foil.ply"))
+    card, foil = load_object_set(tmp_path).models
+    card.load_mesh()
+    assert len(solid_from_model(card).hull) == 8
+    with pytest.raises(ObjectError, match=r"foil\.ply: 0\.3 mm thick, under 0\.5 mm: too flat"):
+        foil.load_mesh()
 
 
 @pytest.mark.parametrize("extension", ["ply", "stl", "glb"])

@@ -9,19 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_scenes import Frame, SceneObject
-
-pytest.importorskip("pybullet")
-
 from sim_scenes import (
     HAND_FROM_CAMERA,
     Appearance,
     Arc,
     DepthNoise,
+    Frame,
     ObjectModel,
     ObjectSet,
     Scene,
     SceneError,
+    SceneObject,
     SceneSpec,
     SpecError,
     simulate,
