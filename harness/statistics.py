@@ -1,7 +1,8 @@
 """Intervals of means over scenes.
 
-Scenes are the unit that is resampled: the test points of one scene share its object, views and
-noise, so that resampling points would promise a precision that is not there.
+Objects are the unit that is resampled, each with all its scenes: scenes of one object share its
+shape, and the test points of one scene its views and noise, so that resampling scenes or points
+would promise a precision that is not there.
 """
 
 from __future__ import annotations
@@ -10,9 +11,12 @@ from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
+import numpy.typing as npt
 
 RESAMPLES = 10_000
 CONFIDENCE = 0.95
+LEAST_OBJECTS = 5
+"""With fewer objects a bootstrap interval promises far more than it holds: 0.81 for 0.95 with 4."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +28,7 @@ class MeanEstimate:
     mean
         Over the scenes where the value is defined; None where there is none.
     low, high
-        Bounds of the bootstrap interval; None with fewer than two defined values.
+        Bounds of the bootstrap interval; None where fewer than `LEAST_OBJECTS` objects define it.
     count
         Number of defined values.
     """
@@ -35,43 +39,54 @@ class MeanEstimate:
     count: int
 
 
-def mean_estimate(values: np.ndarray, *, seed: int) -> MeanEstimate:
+def mean_estimate(
+    values: npt.NDArray[np.float64], *, objects: npt.NDArray[np.str_], seed: int
+) -> MeanEstimate:
     """Mean of the defined values, with its 95 % bootstrap interval.
 
     Parameters
     ----------
     values : (n,) float64
         One value per scene; NaN where undefined.
+    objects : (n,) str
+        The object of each scene.
     seed
         Of the resampling.
     """
-    defined = values[~np.isnan(values)]
-    if defined.size == 0:
+    defined = ~np.isnan(values)
+    count = int(np.count_nonzero(defined))
+    if count == 0:
         return MeanEstimate(mean=None, low=None, high=None, count=0)
-    low, high = bootstrap_interval(defined, seed=seed) or (None, None)
-    return MeanEstimate(mean=float(defined.mean()), low=low, high=high, count=int(defined.size))
+    bounds = bootstrap_interval(values[defined], objects=objects[defined], seed=seed)
+    low, high = bounds or (None, None)
+    return MeanEstimate(mean=float(values[defined].mean()), low=low, high=high, count=count)
 
 
 def bootstrap_interval(
-    values: np.ndarray,
+    values: npt.NDArray[np.float64],
     *,
+    objects: npt.NDArray[np.str_],
     seed: int,
     confidence: float = CONFIDENCE,
     resamples: int = RESAMPLES,
 ) -> tuple[float, float] | None:
-    """Bias-corrected and accelerated (BCa) bootstrap interval of a mean.
+    """Bias-corrected and accelerated (BCa) bootstrap interval of a mean, by objects.
 
     Efron (1987): the bounds are the quantiles of the resampled means at
     ``Phi(z0 + (z0 + z) / (1 - a (z0 + z)))`` for ``z = Phi^-1((1 -+ confidence) / 2)``, where
     ``z0`` corrects the median's bias and ``a``, the skewness of the leave-one-out means over 6,
-    the change of spread with the mean. Few values give too
-    narrow an interval, as in every bootstrap: of normal values, nominal 0.95 covers 0.89 with 8,
-    0.92 with 16 and 0.94 with 32.
+    the change of spread with the mean. A resample draws objects and takes all their scenes, and
+    the leave-one-out means leave out objects (Davison and Hinkley 1997, section 3.8). Few objects
+    give too narrow an interval, as in every bootstrap: of normal values, nominal 0.95 covers 0.84
+    with 5, 0.89 with 8, 0.90 with 10 and 0.92 with 16, and a point or two less where an object
+    has several scenes.
 
     Parameters
     ----------
     values : (n,) float64
-        Independent values, all finite.
+        All finite; independent between objects.
+    objects : (n,) str
+        The object of each value.
     seed
         Of the resampling.
     confidence
@@ -82,22 +97,29 @@ def bootstrap_interval(
     Returns
     -------
     bounds
-        Low and high; None for fewer than two values, which say nothing of their spread.
+        Low and high; None for fewer than `LEAST_OBJECTS` objects.
     """
-    count = values.size
-    if count < 2:
+    names, member = np.unique(objects, return_inverse=True)
+    count = names.size
+    if count < LEAST_OBJECTS:
         return None
     mean = values.mean()
-    # Rounding alone must not pass for spread.
-    if np.ptp(values) <= 1e-12 * np.abs(values).max():
+    sizes = np.bincount(member)
+    sums = np.bincount(member, weights=values)
+    # Rounding alone must not pass for spread, nor break a tie.
+    rounding = 1e-12 * np.abs(values).max()
+    if np.abs(sums / sizes - mean).max() <= rounding:
         return float(mean), float(mean)
     rng = np.random.Generator(np.random.Philox(seed))
-    means = values[rng.integers(count, size=(resamples, count))].mean(axis=1)
+    drawn = rng.integers(count, size=(resamples, count))
+    means = sums[drawn].sum(axis=1) / sizes[drawn].sum(axis=1)
     # Ties count half, as many scenes share a value such as a recall of 1.
-    below = (np.count_nonzero(means < mean) + np.count_nonzero(means <= mean)) / (2 * resamples)
+    less = np.count_nonzero(means < mean - rounding)
+    below = (less + np.count_nonzero(means <= mean + rounding)) / (2 * resamples)
     normal = NormalDist()
     z0 = normal.inv_cdf(below)
-    left_out = mean - (values.sum() - values) / (count - 1)
+    without = (values.sum() - sums) / (values.size - sizes)
+    left_out = without.mean() - without
     acceleration = np.sum(left_out**3) / (6.0 * np.sum(left_out**2) ** 1.5)
     shares = []
     for tail in ((1.0 - confidence) / 2.0, (1.0 + confidence) / 2.0):

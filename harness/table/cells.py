@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from harness.statistics import LEAST_OBJECTS
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -25,8 +27,10 @@ def signed(value: float | None) -> str:
 
 
 def interval(estimate: MeanEstimate) -> str:
-    """``[low, high]``; nothing where there is none."""
-    return "" if estimate.low is None else f"[{number(estimate.low)}, {number(estimate.high)}]"
+    """``[low, high]``; a dash where too few objects define a mean, nothing where none does."""
+    if estimate.low is None:
+        return "" if estimate.mean is None else f"[{UNDEFINED}]"
+    return f"[{number(estimate.low)}, {number(estimate.high)}]"
 
 
 def partial_count(estimate: MeanEstimate, *, scenes: int) -> str:
@@ -36,8 +40,17 @@ def partial_count(estimate: MeanEstimate, *, scenes: int) -> str:
 
 def scene_count(row: Row) -> str:
     """Count scenes, and failed ones if there are any."""
-    scenes = f"{row.scenes} scene" + ("" if row.scenes == 1 else "s")
+    scenes = _count(row.scenes, "scene")
     return f"{scenes}, {row.failed} failed" if row.failed else scenes
+
+
+def object_count(row: Row) -> str:
+    """Count the objects of the scored scenes."""
+    return _count(row.objects, "object")
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" + ("" if number == 1 else "s")
 
 
 def has_seed(row: Row, columns: Sequence[Column]) -> bool:
@@ -53,7 +66,9 @@ def millimetres(distance_m: float) -> str:
 def explanation(table: Table) -> str:
     """Say what the numbers of the main table are."""
     return (
-        "Mean over scenes with 95 % bootstrap (BCa) interval; TP to FN are fractions of the test "
+        "Mean over scenes with 95 % bootstrap (BCa) interval, which draws objects with all their "
+        f"scenes: none ({UNDEFINED}) below {LEAST_OBJECTS} objects, and it covers about 84 % with "
+        f"{LEAST_OBJECTS}, 90 % with 10. TP to FN are fractions of the test "
         f"points. A point lies on the mesh within {millimetres(table.reported_tolerance_m)} of it. "
         f"{UNDEFINED} is undefined; n (or 'defined in') counts the scenes that define a value. "
         "Seed: its Table III, whose 'Acc.' column is precision. Random and nearest are the AURC of "

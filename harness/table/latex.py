@@ -11,6 +11,7 @@ from harness.table.cells import (
     interval,
     millimetres,
     number,
+    object_count,
     partial_count,
     scene_count,
     signed,
@@ -78,7 +79,7 @@ def _main(rows: Sequence[Row], columns: Sequence[Column]) -> Iterator[str]:
             f"{interval(item)} {partial_count(item, scenes=row.scenes)}".strip()
             for item in estimates
         )
-        yield _small([scene_count(row), *bounds])
+        yield _small([f"{scene_count(row)}; {object_count(row)}", *bounds])
         if has_seed(row, columns):
             seed = (number(row.seed[c.key]) if c.key in row.seed else "" for c in columns)
             yield _small(["seed", *seed])

@@ -33,16 +33,17 @@ def render_markdown(table: Table) -> str:
 
 
 def _main(rows: Sequence[Row], columns: Sequence[Column]) -> Iterator[str]:
-    yield _line(["", "scenes", "failed", *(column.heading for column in columns)])
-    yield _line(["---", "--:", "--:", *("--:" for _ in columns)])
+    yield _line(["", "scenes", "objects", "failed", *(column.heading for column in columns)])
+    yield _line(["---", "--:", "--:", "--:", *("--:" for _ in columns)])
     for row in rows:
         cells = [_cell(row.values[column.key], scenes=row.scenes) for column in columns]
-        yield _line([f"**{row.label}**", str(row.scenes), str(row.failed), *cells])
+        counts = [str(count) for count in (row.scenes, row.objects, row.failed)]
+        yield _line([f"**{row.label}**", *counts, *cells])
         if has_seed(row, columns):
             seed = [number(row.seed[c.key]) if c.key in row.seed else "" for c in columns]
-            yield _line(["seed", "", "", *seed])
+            yield _line(["seed", "", "", "", *seed])
             ours = [signed(row.difference(c.key)) if c.key in row.seed else "" for c in columns]
-            yield _line(["ours less seed", "", "", *ours])
+            yield _line(["ours less seed", "", "", "", *ours])
 
 
 def _sweep(rows: Sequence[Row]) -> Iterator[str]:

@@ -27,6 +27,8 @@ class Row:
     ----------
     scenes, failed
         Number of scenes that were scored, and of scenes that failed.
+    objects
+        Number of objects in the scored scenes.
     values
         Mean and interval by column key.
     seed
@@ -38,6 +40,7 @@ class Row:
     tolerance_m: float
     scenes: int
     failed: int
+    objects: int
     values: Mapping[str, MeanEstimate]
     seed: Mapping[str, float]
 
@@ -90,7 +93,8 @@ def summarise(
     classes
         Order of the classes.
     seed
-        Of the resampling; every cell draws the same scenes, so that rows can be compared.
+        Of the resampling; cells whose values are defined in scenes of equally many objects draw
+        the same objects, by the order of their names.
     """
     groups: defaultdict[tuple[str, Variant, float], list[Record]] = defaultdict(list)
     for record in sorted(records, key=Record.key):
@@ -111,17 +115,19 @@ def _row(
     group: Sequence[Record], *, category: str, variant: Variant, tolerance_m: float, seed: int
 ) -> Row:
     scored = [record for record in group if record.status == "ok"]
+    objects = np.array([record.object_name for record in scored], dtype=np.str_)
     values = {}
     for column in COLUMNS:
         cells = [column.value(record) for record in scored]
         defined = np.array([np.nan if cell is None else cell for cell in cells], dtype=np.float64)
-        values[column.key] = mean_estimate(defined, seed=seed)
+        values[column.key] = mean_estimate(defined, objects=objects, seed=seed)
     return Row(
         category=category,
         variant=variant,
         tolerance_m=tolerance_m,
         scenes=len(scored),
         failed=len(group) - len(scored),
+        objects=len(set(objects)),
         values=values,
         seed=seed_numbers(category=category, variant=variant),
     )

@@ -15,6 +15,7 @@ from harness.table.cells import (
     interval,
     millimetres,
     number,
+    object_count,
     scene_count,
     signed,
 )
@@ -62,6 +63,7 @@ def _lines(row: Row, columns: Sequence[Column]) -> Iterator[tuple[str, list[str]
         ours = [signed(row.difference(c.key)) if c.key in row.seed else "" for c in columns]
         yield "  ours less seed", ours
     yield f"  {scene_count(row)}", ["" for _ in columns]
+    yield f"  {object_count(row)}", ["" for _ in columns]
 
 
 def _sweep(table: Table, *, width: int) -> RenderableType:

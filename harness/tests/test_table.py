@@ -6,6 +6,7 @@ import csv
 import io
 import itertools
 import re
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -38,7 +39,7 @@ def record(
     return Record(
         scene_id=f"{category}-{scene:04d}",
         category=category,
-        object_name=f"{category}_0",
+        object_name=f"{category}_{scene}",
         seed=scene,
         model=variant.model,
         completion=variant.completion,
@@ -82,16 +83,44 @@ def table() -> Table:
 
 def test_means_are_over_scored_scenes_and_counts_are_fractions(table: Table) -> None:
     mug, bowl = table.rows
-    assert (mug.label, mug.scenes, mug.failed) == ("Mug classic", 2, 1)
+    assert (mug.label, mug.scenes, mug.failed, mug.objects) == ("Mug classic", 2, 1, 2)
     assert mug.values["tp"].mean == pytest.approx((0.4 + 0.0) / 2)
     assert mug.values["tn"].mean == pytest.approx((0.3 + 0.8) / 2)
     assert mug.values["auroc"].mean == pytest.approx(0.8)
-    assert (mug.values["auroc"].low, mug.values["auroc"].high) == pytest.approx((0.7, 0.9))
+    assert (mug.values["auroc"].low, mug.values["auroc"].high) == (None, None)
     assert (mug.values["precision"].mean, mug.values["precision"].count) == (4 / 6, 1)
-    assert mug.values["precision"].low is None
     assert (mug.values["f1"].mean, mug.values["f1"].count) == (None, 0)
     assert (bowl.label, bowl.scenes, bowl.failed) == ("Bowl classic", 1, 0)
     assert [row.tolerance_m for row in table.sweep] == [0.005, 0.01, 0.005, 0.01]
+
+
+@pytest.fixture
+def five() -> Table:
+    """Ten scenes of five objects, each object's twice."""
+    records = [record(i, (i % 5, 5, 2, 1), auroc=(i % 5) / 10) for i in range(10)]
+    return table_of([replace(row, object_name=f"mug_{row.seed % 5}") for row in records])
+
+
+def test_an_interval_is_that_of_the_objects(five: Table) -> None:
+    once = table_of([record(i, (i, 5, 2, 1), auroc=i / 10) for i in range(5)])
+    (twice,), (single,) = five.rows, once.rows
+    assert (twice.scenes, twice.objects, single.objects) == (10, 5, 5)
+    ours, theirs = twice.values["auroc"], single.values["auroc"]
+    assert ours.mean == pytest.approx(0.2)
+    assert (ours.low, ours.high) == pytest.approx((theirs.low, theirs.high))
+    assert 0.0 <= (ours.low or 0.0) < 0.2 < (ours.high or 0.0) <= 0.4
+
+
+def test_every_rendering_counts_objects_and_shows_an_interval_or_a_dash(
+    table: Table, five: Table
+) -> None:
+    assert "  10 scenes\n  5 objects\n" in re.sub(" +\n", "\n", shown(five, width=200))
+    assert "10 scenes; 5 objects" in render_latex(five)
+    assert re.search(r"\| 10 \| 5 \| 0 \| 0\.[0-9]{3} \[0\.[0-9]{3}, 0\.", render_markdown(five))
+    assert "interval" in render_markdown(five)
+    assert set(line(shown(table, width=200), "95 % from")[1:]) == {"\N{EN DASH}"}
+    assert "| 0.200 [\N{EN DASH}] |" in render_markdown(table)
+    assert "none (\N{EN DASH}) below 5 objects" in render_markdown(table)
 
 
 def test_the_seed_stands_beside_ours(table: Table) -> None:
@@ -163,7 +192,7 @@ def test_terminal(table: Table) -> None:
     assert line(text, "ours less seed")[1:3] == ["-0.156", "+0.411"]
     assert line(text, "defined in")[5] == "1"
     assert "2 scenes, 1 failed" in text
-    assert "1 scene\n" in re.sub(" +\n", "\n", text)
+    assert "1 scene\n  1 object\n" in re.sub(" +\n", "\n", text)
     assert "Mug classic, 10 mm" in text
 
 
@@ -197,9 +226,9 @@ def test_terminal_without_a_scene() -> None:
 def test_markdown(table: Table) -> None:
     lines = render_markdown(table).splitlines()
     mug = next(line for line in lines if line.startswith("| **Mug classic**"))
-    assert mug.startswith("| **Mug classic** | 2 | 1 | 0.200 [0.000, 0.400] | 0.550 [")
-    assert "| 0.667 n=1 |" in mug
-    assert "| seed |  |  | 0.356 | 0.139 | 0.414 | 0.091 | 0.462 | 0.495 |" in lines
+    assert mug.startswith("| **Mug classic** | 2 | 2 | 1 | 0.200 [\N{EN DASH}] | 0.550 [")
+    assert "| 0.667 [\N{EN DASH}] n=1 |" in mug
+    assert "| seed |  |  |  | 0.356 | 0.139 | 0.414 | 0.091 | 0.462 | 0.495 |" in lines
     for block in "\n".join(lines).split("\n\n"):
         rows = [line for line in block.splitlines() if line.startswith("|")]
         assert len({line.count("|") for line in rows}) <= 1
@@ -227,7 +256,7 @@ def test_csv(table: Table) -> None:
     tp = next(line for line in lines if line["metric"] == "tp")
     assert (tp["category"], tp["model"], tp["tolerance_m"]) == ("mug", "classic", "0.005")
     assert float(tp["mean"]) == pytest.approx(0.2)
-    assert (tp["scenes_defined"], tp["scenes"], tp["failed"]) == ("2", "2", "1")
+    assert (tp["scenes_defined"], tp["scenes"], tp["objects"], tp["failed"]) == ("2", "2", "2", "1")
     assert float(tp["ours_less_seed"]) == pytest.approx(0.2 - 0.356)
     f1 = next(line for line in lines if line["metric"] == "f1")
     assert (f1["mean"], f1["scenes_defined"], f1["seed"]) == ("", "0", "")
