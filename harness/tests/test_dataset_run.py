@@ -315,6 +315,13 @@ def test_bad_scenes_are_skipped_and_the_others_run(
 
 def test_what_is_missing_is_said(dataset: Path, config: Config) -> None:
     folder = scene_folder(dataset, 1)
+    cameras = folder / "scene_camera.json"
+    cameras.rename(folder / "elsewhere")
+    plan = planned(dataset, config)
+    assert plan.reasons == {"000001": f"{cameras}: cannot be read (No such file or directory)"}
+    assert [job.scene_id for job in plan.jobs] == ["mug-0000"]
+    (folder / "elsewhere").rename(cameras)
+
     (folder / "scene_gt.json").rename(folder / "elsewhere")
     plan = planned(dataset, config)
     assert plan.reasons == {

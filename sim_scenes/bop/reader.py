@@ -144,8 +144,16 @@ def read_bop(folder: Path | str, *, split: str | None = None) -> Iterator[Scene]
 
 
 def _scene_ids(folder: Path) -> tuple[int, ...]:
-    names = (path.name for path in folder.iterdir() if (path / CAMERA_FILE).is_file())
-    return tuple(sorted(int(name) for name in names if name.isascii() and name.isdigit()))
+    """Numbers of the folder's scenes; none where no scene has cameras, for it is then no split."""
+    scenes = [
+        path
+        for path in folder.iterdir()
+        if path.name.isascii() and path.name.isdigit() and len(path.name) <= 9 and path.is_dir()
+    ]
+    # One scene without its cameras is listed: reading it says what is missing.
+    if not any((path / CAMERA_FILE).is_file() for path in scenes):
+        return ()
+    return tuple(sorted({int(path.name) for path in scenes}))
 
 
 def _world_pose(entry: dict[str, Any], *, where: str) -> Floats | None:

@@ -378,6 +378,21 @@ def test_a_split_can_be_named_or_opened_itself(tiny_scene: Scene, written: Path)
 # --- broken and hostile data ---
 
 
+def test_a_scene_without_its_cameras_is_listed(written: Path) -> None:
+    scenes = written / "test"
+    for name in ("000002", "2", "notes", "1" * 200):
+        (scenes / name).mkdir()
+    (scenes / "000004").write_text("a file")
+    dataset = open_bop(written)
+    assert dataset.scene_ids == (0, 2)
+    expected = r"000002/scene_camera\.json: cannot be read \(No such file or directory\)"
+    with pytest.raises(BopError, match=expected):
+        dataset.read_scene(2)
+    (scenes / "000000" / "scene_camera.json").unlink()
+    with pytest.raises(BopError, match="holds no scene"):
+        open_bop(written)
+
+
 def test_folders_that_are_no_dataset(tmp_path: Path) -> None:
     with pytest.raises(BopError, match="is not a folder; name the root of a BOP dataset"):
         open_bop(tmp_path / "nowhere")
