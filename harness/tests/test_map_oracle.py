@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyoctomap  # type: ignore[import-untyped]
 import pytest
+import trimesh
 from numpy.testing import assert_array_equal
 
-from harness.native import OccupancyMap
+from harness.native import OccupancyMap, Pipeline
+from harness.tests.support import frame
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -206,3 +208,17 @@ def test_an_empty_map_is_a_file_too(tmp_path: Path) -> None:
         read = OccupancyMap.read(tmp_path / name)
         assert read.resolution_m == pytest.approx(0.1)
         assert len(read.leaves()[0]) == 0
+
+
+def test_an_object_is_a_ply_that_trimesh_reads(tmp_path: Path) -> None:
+    pipeline = Pipeline()
+    pipeline.add_frame(**frame())
+    mapped = pipeline.objects()[0]
+    mapped.write_ply(tmp_path / "mug.ply")
+    cloud = trimesh.load(tmp_path / "mug.ply")
+    assert isinstance(cloud, trimesh.PointCloud)
+    assert len(mapped.points_world) > 0
+    assert_array_equal(cloud.vertices, mapped.points_world)
+    assert_array_equal(cloud.colors[:, :3], mapped.rgb)
+    with pytest.raises(OSError, match="check that the folder exists"):
+        mapped.write_ply(tmp_path / "missing" / "mug.ply")
