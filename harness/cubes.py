@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,8 @@ Picture = npt.NDArray[np.uint8]
 Floats = npt.NDArray[np.float64]
 
 OVERSAMPLING = 2
+# Share of the picture that a fitted view leaves free on each side: room for labels.
+MARGIN = 0.1
 BACKGROUND = (255, 255, 255)
 # Corners of the face on the upper side of each axis, in units of half an edge.
 FACES = np.array(
@@ -36,24 +38,45 @@ class View:
         Of the picture, pixels.
     focal : float
         Focal length as a share of the picture's height.
+    shift : (x, y)
+        Slope, to the right and down, of the ray through the picture's middle: (0, 0) looks at the
+        focus, others slide the picture as a shifted lens does.
     """
 
     eye_world: Floats
     focus_world: Floats
     size: tuple[int, int] = (960, 720)
     focal: float = 1.6
+    shift: tuple[float, float] = (0.0, 0.0)
 
     def project(self, points_world: Floats) -> Floats:
         """Project points (..., 3) before the viewer to pixels (..., 2)."""
+        width, height = self.size
+        slopes = self._slopes(points_world) - self.shift
+        return np.asarray(slopes * self.focal * height + np.array([width / 2, height / 2]))
+
+    def fitted_to(self, points_world: Floats) -> View:
+        """Zoom and shift so that points (n, 3) before the viewer just fill the picture's middle.
+
+        At least `MARGIN` of the width and of the height stays free on every side.
+        """
+        slopes = self._slopes(points_world)
+        low, high = slopes.min(axis=0), slopes.max(axis=0)
+        width, height = self.size
+        free = (1 - 2 * MARGIN) * np.array([width / height, 1.0])
+        x, y = (low + high) / 2
+        focal = float((free / np.maximum(high - low, 1e-9)).min())
+        return replace(self, focal=focal, shift=(float(x), float(y)))
+
+    def _slopes(self, points_world: Floats) -> Floats:
+        """Slopes (..., 2) of the rays to points, to the right of the focus and below it."""
         forward = self.focus_world - self.eye_world
         forward = forward / np.linalg.norm(forward)
         right = np.cross(forward, (0.0, 0.0, 1.0))
         right /= np.linalg.norm(right)
         axes = np.stack([right, np.cross(forward, right), forward])
         local = (points_world - self.eye_world) @ axes.T
-        width, height = self.size
-        centre = np.array([width / 2, height / 2])
-        return np.asarray(local[..., :2] / local[..., 2:] * self.focal * height + centre)
+        return np.asarray(local[..., :2] / local[..., 2:])
 
 
 def draw_cubes(centres_world: Floats, colours: Picture, *, size_m: float, view: View) -> Picture:
@@ -77,9 +100,7 @@ def draw_cubes(centres_world: Floats, colours: Picture, *, size_m: float, view: 
     picture : (height, width, 3) uint8
     """
     scale = OVERSAMPLING
-    large = View(
-        view.eye_world, view.focus_world, (view.size[0] * scale, view.size[1] * scale), view.focal
-    )
+    large = replace(view, size=(view.size[0] * scale, view.size[1] * scale))
     image = Image.new("RGB", large.size, BACKGROUND)
     pen = ImageDraw.Draw(image)
     towards = view.eye_world - centres_world

@@ -11,6 +11,7 @@ import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
+from scipy.spatial import cKDTree
 
 from harness.bench import load_objects
 from harness.config import Override, load_config
@@ -23,6 +24,8 @@ from harness.scene_run import map_scene, simulate_job
 from sim_scenes import SceneError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from harness.native import MappedObject, Pipeline, Voxels
     from sim_scenes import Frame, Scene
 
@@ -36,8 +39,11 @@ CLASS_COLOURS = {
     "laptop": (204, 121, 167),
     "mug": (213, 94, 0),
 }
+# Of a category's colour, what its instances' outlines keep: neighbours of one category stay apart.
+OUTLINE_BRIGHTNESS = 0.3
 MARKER_PX = 12
-CROP_MARGIN_M = 0.15
+# How far around what was seen of the objects the table is drawn.
+CROP_MARGIN_M = 0.05
 VIEW_DISTANCE_M = 0.75
 
 
@@ -132,14 +138,21 @@ def render_pictures(scene: Scene, pipeline: Pipeline, *, folder: Path) -> SceneP
     folder.mkdir(parents=True, exist_ok=True)
     pictures: dict[str, Picture] = {}
     rows = []
+    near_m, far_m = depth_range([frame.depth_m for frame in scene.frames])
     for index, frame in enumerate(scene.frames):
         row = {
             f"view{index}_rgb": frame.rgb,
-            f"view{index}_depth": colour_depth(frame.depth_m),
+            f"view{index}_depth": colour_depth(frame.depth_m, near_m=near_m, far_m=far_m),
             f"view{index}_mask": overlay_mask(frame, scene),
         }
         pictures |= row
-        rows.append(np.concatenate([label(image, name) for name, image in row.items()], axis=1))
+        captions = (
+            f"view{index}_rgb",
+            f"view{index}_depth: bright {near_m:.2f} m, dark {far_m:.2f} m",
+            f"view{index}_mask",
+        )
+        labelled = [label(*pair) for pair in zip(row.values(), captions, strict=True)]
+        rows.append(np.concatenate(labelled, axis=1))
     voxels, mapped = pipeline.voxels(), pipeline.objects()
     eye_world = np.mean([frame.world_from_camera[:3, 3] for frame in scene.frames], axis=0)
     for name, by_class in (("map_classes", True), ("map_rgb", False)):
@@ -153,23 +166,43 @@ def render_pictures(scene: Scene, pipeline: Pipeline, *, folder: Path) -> SceneP
     return ScenePictures(folder=folder, files=tuple(files.values()), montage=files["montage"])
 
 
-def colour_depth(depth_m: npt.NDArray[np.float32]) -> Picture:
+def depth_range(depths_m: Sequence[npt.NDArray[np.float32]]) -> tuple[float, float]:
+    """Near and far end (metres) of the depths (h, w) of a scene, but for a hundredth at each."""
+    measured = np.concatenate([depth_m[np.isfinite(depth_m)] for depth_m in depths_m])
+    near, far = np.percentile(measured, [1, 99]) if len(measured) else (0.0, 1.0)
+    return float(near), float(far)
+
+
+def colour_depth(depth_m: npt.NDArray[np.float32], *, near_m: float, far_m: float) -> Picture:
     """Depth (h, w) in metres as colours, near bright; pixels without a measurement are black."""
     valid = np.isfinite(depth_m)
-    near, far = np.percentile(depth_m[valid], [1, 99]) if valid.any() else (0.0, 1.0)
-    share = np.clip((far - depth_m) / max(far - near, 1e-6), 0, 1)
+    share = np.clip((far_m - depth_m) / max(far_m - near_m, 1e-6), 0, 1)
     colours = mpl.colormaps["viridis"](np.where(valid, share, 0.0))[..., :3]
     return np.asarray(np.where(valid[..., None], colours * 255, 0), dtype=np.uint8)
 
 
 def overlay_mask(frame: Frame, scene: Scene) -> Picture:
-    """Paint the grey image with each true instance in its category's colour."""
+    """Paint the grey image with each true instance in its category's colour, outlined darker."""
     grey = frame.rgb.mean(axis=-1, keepdims=True).repeat(3, axis=-1)
     if frame.instance_ids is not None:
+        edge = _differs_from_neighbour(frame.instance_ids)
         for item in scene.objects:
             inside = frame.instance_ids == item.instance_id
-            grey[inside] = 0.4 * grey[inside] + 0.6 * np.array(CLASS_COLOURS[item.category])
+            colour = np.array(CLASS_COLOURS[item.category])
+            grey[inside] = 0.4 * grey[inside] + 0.6 * colour
+            grey[inside & edge] = OUTLINE_BRIGHTNESS * colour
     return np.asarray(grey, dtype=np.uint8)
+
+
+def _differs_from_neighbour(ids: npt.NDArray[np.uint16]) -> npt.NDArray[np.bool_]:
+    """Whether a pixel's id (h, w) differs from that of a pixel beside, above or below it."""
+    edge = np.zeros(ids.shape, dtype=bool)
+    across, along = ids[:, 1:] != ids[:, :-1], ids[1:] != ids[:-1]
+    edge[:, 1:] |= across
+    edge[:, :-1] |= across
+    edge[1:] |= along
+    edge[:-1] |= along
+    return edge
 
 
 def draw_map(
@@ -181,21 +214,21 @@ def draw_map(
 ) -> Picture:
     """Draw the occupied voxels about the objects in 3-D, with each tracked object's id over it.
 
-    The viewer stands on the line from the objects to `eye_world` (3,), where the camera was.
+    The viewer stands on the line from the objects to `eye_world` (3,), where the camera was, and
+    what is drawn fills the picture.
     """
     centres = voxels.centres_world
-    centroids = np.array([item.centroid_world for item in mapped]).reshape(-1, 3)
-    if len(mapped):
-        low = centroids.min(axis=0) - CROP_MARGIN_M
-        high = centroids.max(axis=0) + CROP_MARGIN_M
-        near = ((centres >= low) & (centres <= high)).all(axis=1)
-    else:
-        near = np.ones(len(centres), dtype=bool)
+    near = np.ones(len(centres), dtype=bool)
+    if mapped:
+        plan = cKDTree(np.concatenate([item.points_world[:, :2] for item in mapped]))
+        distances, _ = plan.query(centres[:, :2], distance_upper_bound=CROP_MARGIN_M)
+        near = np.isfinite(distances)
     palette = np.array([CLASS_COLOURS[name] for name in CLASS_NAMES], dtype=np.uint8)
     colours = palette[voxels.classes] if by_class else voxels.rgb
-    focus = centroids.mean(axis=0) if len(mapped) else centres.mean(axis=0)
+    focus = (centres[near].min(axis=0) + centres[near].max(axis=0)) / 2
     towards_eye = (eye_world - focus) / np.linalg.norm(eye_world - focus)
     view = View(eye_world=focus + VIEW_DISTANCE_M * towards_eye, focus_world=focus)
+    view = view.fitted_to(centres[near])
     picture = draw_cubes(centres[near], colours[near], size_m=voxels.size_m, view=view)
     image = Image.fromarray(picture)
     pen = ImageDraw.Draw(image)
@@ -215,6 +248,8 @@ def draw_map(
             fill="black",
             anchor="mb",
             font=ImageFont.load_default(24),
+            stroke_width=3,
+            stroke_fill="white",
         )
     return np.asarray(image)
 

@@ -29,6 +29,19 @@ def test_the_focus_is_the_middle_and_up_is_up() -> None:
     assert_allclose(VIEW.project(points), expected)
 
 
+def test_a_fitted_view_is_filled_up_to_its_margin() -> None:
+    # 1 and 3 m away: slopes of -0.1 and 0.3 across, of -0.2 and 0.1 down. Of 32 x 24 free pixels
+    # the width takes 32 / 0.4 = 80 a unit slope, the height 24 / 0.3 = 80.
+    points = np.array([[-0.1, 0.0, 0.2], [0.9, 2.0, -0.3]])
+    fitted = VIEW.fitted_to(points)
+    assert fitted.focal * 30 == pytest.approx(80)
+    assert_allclose(fitted.project(points), [[4, 3], [36, 27]])
+    # Halved in height, the width still decides.
+    fitted = VIEW.fitted_to(points * (1, 1, 0.5))
+    assert_allclose(fitted.project(points * (1, 1, 0.5)), [[4, 9], [36, 21]])
+    assert_allclose(VIEW.fitted_to(points[:1]).project(points[:1]), [[20, 15]])
+
+
 def test_nothing_is_the_background() -> None:
     assert_array_equal(draw(), np.broadcast_to(BACKGROUND, (30, 40, 3)))
 

@@ -17,8 +17,10 @@ from harness.render import (
     RenderOptions,
     ScenePictures,
     colour_depth,
+    depth_range,
     fit_width,
     label,
+    overlay_mask,
     render_pictures,
     run_render,
 )
@@ -26,7 +28,7 @@ from harness.runs.atomic import DiskError
 from harness.runs.job import SceneJob
 from harness.scene_run import map_scene, simulate_job
 from harness.tests.support import full_disk
-from sim_scenes import SceneError
+from sim_scenes import Frame, Intrinsics, Scene, SceneError, SceneObject
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -146,12 +148,48 @@ def test_a_scene_that_cannot_be_drawn_is_said(
 
 def test_depth_is_bright_when_near_and_black_without_measurement() -> None:
     depth_m = np.array([[0.3, 0.5], [0.7, np.nan]], dtype=np.float32)
-    picture = colour_depth(depth_m).astype(int)
+    picture = colour_depth(depth_m, near_m=0.3, far_m=0.7).astype(int)
     luminance = picture.sum(axis=-1)
     assert luminance[0, 0] > luminance[0, 1] > luminance[1, 0] > 0
     assert_array_equal(picture[1, 1], [0, 0, 0])
-    blind = colour_depth(np.full((2, 3), np.nan, dtype=np.float32))
+    blind = colour_depth(np.full((2, 3), np.nan, dtype=np.float32), near_m=0.0, far_m=1.0)
     assert_array_equal(blind, np.zeros((2, 3, 3)))
+
+
+def test_a_scene_s_views_share_one_range_of_depths() -> None:
+    ramp = np.linspace(0.5, 1.5, 101, dtype=np.float32)[None]
+    halves = [ramp[:, :40], np.full((2, 2), np.nan, dtype=np.float32), ramp[:, 40:]]
+    assert depth_range(halves) == pytest.approx((0.51, 1.49), abs=1e-6)
+    assert depth_range(halves[1:2]) == (0.0, 1.0)
+
+
+def test_instances_of_one_category_are_told_apart_by_their_outlines() -> None:
+    ids = np.zeros((5, 10), dtype=np.uint16)
+    ids[:, 2:6], ids[:, 6:] = 1, 2
+    frame = Frame(
+        rgb=np.full((5, 10, 3), 100, dtype=np.uint8),
+        depth_m=np.ones((5, 10), dtype=np.float32),
+        instance_ids=ids,
+        intrinsics=Intrinsics(10, 5, 10.0, 10.0, 4.5, 2.0),
+        world_from_camera=np.eye(4),
+        joint_positions_rad=None,
+    )
+    corner = np.eye(4, 3)
+    mugs = [
+        SceneObject(
+            instance_id=number,
+            name=f"mug{number}",
+            category="mug",
+            vertices=corner,
+            faces=np.array([[0, 1, 2]]),
+            world_from_object=np.eye(4),
+        )
+        for number in (1, 2)
+    ]
+    row = overlay_mask(frame, Scene((frame,), tuple(mugs), "two mugs"))[2].tolist()
+    # Of (213, 94, 0): 0.6 of it over 0.4 of the grey inside, 0.3 of it where the id changes.
+    grey, inside, edge = [100] * 3, [167, 96, 40], [63, 28, 0]
+    assert row == [grey, grey, edge, inside, inside, edge, edge, inside, inside, inside]
 
 
 def test_a_label_marks_a_copy() -> None:
