@@ -114,11 +114,16 @@ pub enum AssociationChoice {
 
 impl Default for MapConfig {
     fn default() -> Self {
+        let map = SemanticMapConfig::default();
+        let (association, association_gate_m) = match map.tracker.association {
+            Association::Surface { gate_m } => (AssociationChoice::Surface, gate_m),
+            Association::Centroid { gate_m } => (AssociationChoice::Centroid, gate_m),
+        };
         Self {
-            resolution_m: 0.005,
-            max_range_m: 2.0,
-            association: AssociationChoice::default(),
-            association_gate_m: 0.04,
+            resolution_m: map.resolution_m,
+            max_range_m: map.max_range_m.unwrap_or(2.0),
+            association,
+            association_gate_m,
         }
     }
 }
