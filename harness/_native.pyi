@@ -23,7 +23,7 @@ __all__ = [
     "nearest_observation",
 ]
 
-def check_pipeline_config(text: str) -> None: ...
+def check_pipeline_config(text: str) -> str: ...
 def gp_log_likelihood(
     *,
     points: _Floats,

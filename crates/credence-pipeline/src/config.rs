@@ -228,6 +228,14 @@ impl Config {
         Ok(config)
     }
 
+    /// Writes all settings, defaults included, as the JSON object that [`Config::from_json`] reads.
+    ///
+    /// # Errors
+    /// None that is known: JSON holds every setting.
+    pub fn to_json(&self) -> Result<String, PipelineError> {
+        serde_json::to_string(self).map_err(|err| PipelineError::Config(err.to_string()))
+    }
+
     pub(crate) fn check(&self) -> Result<(), PipelineError> {
         let positive = |key: &str, value: f64| {
             if value.is_finite() && value > 0.0 {
@@ -376,6 +384,19 @@ mod tests {
         let config = Config::from_json(r#"{"training": {"points": 200}}"#).unwrap();
         assert_eq!(config.training.points, 200);
         assert_eq!(config.training.object_share, 0.5);
+    }
+
+    #[test]
+    fn what_is_written_holds_every_default_and_reads_back() {
+        let text = Config::default().to_json().unwrap();
+        assert_eq!(Config::from_json(&text).unwrap(), Config::default());
+        let partial = Config::from_json(r#"{"map": {"max_range_m": 3}}"#).unwrap();
+        let whole: Value = serde_json::from_str(&partial.to_json().unwrap()).unwrap();
+        assert_eq!(whole["map"]["max_range_m"], Value::from(3.0));
+        assert_eq!(
+            whole["gp"],
+            serde_json::to_value(GpConfig::default()).unwrap()
+        );
     }
 
     #[test]

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use credence_pipeline::{
-    Classification, Config, ModelChoice, Pipeline, StageTime, TrainingSet, gp::Hyperparameters,
-    map::ObjectId,
+    Classification, Config, ModelChoice, Pipeline, PipelineError, StageTime, TrainingSet,
+    gp::Hyperparameters, map::ObjectId,
 };
 use credence_types::{Category, Frame, FrameTruth, Intrinsics, Pose, Prediction};
 use numpy::{PyArray1, PyArray2, ToPyArray as _, ndarray::Array2};
@@ -20,13 +20,17 @@ use crate::{
     map::{PyMappedObject, PyOccupancyMap, PyVoxels},
 };
 
-/// Checks the JSON text of a pipeline configuration: whether a pipeline can be made of it.
+/// Checks the JSON text of a pipeline configuration, whether a pipeline can be made of it, and
+/// returns it with every default written out.
 #[pyfunction]
-pub(crate) fn check_pipeline_config(text: &str) -> PyResult<()> {
-    Config::from_json(text)
-        .and_then(Pipeline::new)
-        .map(|_| ())
-        .map_err(|err| to_python(&err))
+pub(crate) fn check_pipeline_config(text: &str) -> PyResult<String> {
+    let checked = || {
+        let config = Config::from_json(text)?;
+        let whole = config.to_json()?;
+        Pipeline::new(config)?;
+        Ok::<_, PipelineError>(whole)
+    };
+    checked().map_err(|err| to_python(&err))
 }
 
 /// What a classifier learns about one object.
