@@ -9,13 +9,16 @@ from __future__ import annotations
 
 import difflib
 import hashlib
+import itertools
 import json
+import math
 import os
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from datetime import date, time
 from pathlib import Path  # noqa: TC003 - pydantic reads annotations at run time
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -24,7 +27,7 @@ from harness.errors import InputError
 
 Category = Literal["bottle", "bowl", "camera", "can", "laptop", "mug"]
 PositiveFloat = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-PipelineCheck = Callable[[str], object]
+PipelineCheck = Callable[[str], str]
 
 
 class Section(BaseModel):
@@ -88,12 +91,12 @@ class ScenesSection(Section):
         strict=False,
         description="Folder of meshes with a manifest.json; by default the set in assets/.",
     )
-    views: int = Field(default=3, ge=1, description="Camera poses of a scene.")
+    views: int = Field(default=3, ge=1, le=24, description="Camera poses of a scene.")
     cluttered: bool = Field(
         default=False, description="2 to 5 objects of mixed categories in a scene."
     )
-    width: int = Field(default=640, ge=16, le=4096, description="Image width, pixels.")
-    height: int = Field(default=480, ge=16, le=4096, description="Image height, pixels.")
+    width: int = Field(default=640, ge=64, le=4096, description="Image width, pixels.")
+    height: int = Field(default=480, ge=64, le=4096, description="Image height, pixels.")
     depth_noise: DepthNoiseSection = DepthNoiseSection()
 
 
@@ -133,7 +136,8 @@ class Config(Section):
     scenes: ScenesSection = ScenesSection()
     protocol: ProtocolSection = ProtocolSection()
     pipeline: dict[str, Any] = Field(
-        default_factory=dict, description="Passed to the Rust pipeline, which checks it."
+        default_factory=dict,
+        description="Passed to the Rust pipeline, which checks it; holds its defaults once loaded.",
     )
 
     def identity(self) -> dict[str, Any]:
@@ -180,8 +184,9 @@ def load_config(
     overrides
         Values of the command line.
     check_pipeline
-        Called with the ``[pipeline]`` table as JSON; raises ValueError where it is wrong. By
-        default the Rust pipeline's own check.
+        Called with the ``[pipeline]`` table as JSON; returns it with every default written out,
+        so that the configuration says what ran whatever later defaults are, and raises ValueError
+        where it is wrong. By default the Rust pipeline's own check.
 
     Raises
     ------
@@ -190,8 +195,12 @@ def load_config(
     """
     source = "the built-in defaults" if path is None else str(path)
     table = {} if path is None else _read_toml(path)
-    if unknown := next(_unknown_keys(table, model=Config, prefix=""), None):
-        raise InputError(f"{source}: {unknown}")
+    misfits = itertools.chain(
+        _misfits(table, model=Config, prefix=""),
+        _beyond_json(table.get("pipeline", {}), key="pipeline"),
+    )
+    if misfit := next(misfits, None):
+        raise InputError(f"{source}: {misfit}")
     if path is not None and isinstance(objects := table.get("scenes", {}).get("objects"), str):
         table["scenes"]["objects"] = os.path.normpath(path.resolve().parent / objects)
     for override in overrides:
@@ -202,10 +211,10 @@ def load_config(
         options = {override.key: override.option for override in overrides}
         raise InputError(_first_problem(error, source=source, options=options)) from None
     try:
-        (check_pipeline or _rust_pipeline_check)(config.pipeline_json())
+        whole = (check_pipeline or _rust_pipeline_check)(config.pipeline_json())
     except ValueError as error:
         raise InputError(f"{source}: [pipeline] {error}") from None
-    return config
+    return config.model_copy(update={"pipeline": json.loads(whole)})
 
 
 def differing_keys(*, ours: Config, theirs: Config) -> list[str]:
@@ -218,14 +227,14 @@ def differing_keys(*, ours: Config, theirs: Config) -> list[str]:
     ]
 
 
-def _rust_pipeline_check(table_json: str) -> None:
+def _rust_pipeline_check(table_json: str) -> str:
     try:
         from harness.native import check_pipeline_config
     except ImportError as error:
         raise InputError(
             f"the compiled extension does not load ({error}); build it with `make setup`"
         ) from error
-    check_pipeline_config(table_json)
+    return check_pipeline_config(table_json)
 
 
 def _read_toml(path: Path) -> dict[str, Any]:
@@ -239,11 +248,10 @@ def _read_toml(path: Path) -> dict[str, Any]:
         raise InputError(f"{path} is not valid TOML: {error}") from None
 
 
-def _unknown_keys(
-    table: Mapping[str, Any], *, model: type[BaseModel], prefix: str
-) -> Iterator[str]:
-    """Complaints about keys that no section has, in the file's order."""
+def _misfits(table: Mapping[str, Any], *, model: type[BaseModel], prefix: str) -> Iterator[str]:
+    """Complaints about keys that no section has and sections that are none, in the file's order."""
     for key, value in table.items():
+        inner = f"{prefix}.{key}" if prefix else key
         if key not in model.model_fields:
             valid = list(model.model_fields)
             place = f"in [{prefix}]" if prefix else "at the top level"
@@ -251,9 +259,25 @@ def _unknown_keys(
             yield f"unknown key '{key}' {place}; nearest is '{near}' (valid: {', '.join(valid)})"
             continue
         section = model.model_fields[key].annotation
-        if isinstance(section, type) and issubclass(section, BaseModel) and isinstance(value, dict):
-            inner = f"{prefix}.{key}" if prefix else key
-            yield from _unknown_keys(value, model=section, prefix=inner)
+        is_section = isinstance(section, type) and issubclass(section, BaseModel)
+        if (is_section or key == "pipeline") and not isinstance(value, dict):
+            yield f"{inner} = {value!r}: should be a table; write [{inner}] and its keys below"
+        elif is_section:
+            yield from _misfits(value, model=cast("type[BaseModel]", section), prefix=inner)
+
+
+def _beyond_json(value: object, *, key: str) -> Iterator[str]:
+    """Complaints about values that TOML has and JSON, which the pipeline reads, has not."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _beyond_json(inner, key=f"{key}.{name}")
+    elif isinstance(value, list):
+        for index, inner in enumerate(value):
+            yield from _beyond_json(inner, key=f"{key}.{index}")
+    elif isinstance(value, float) and not math.isfinite(value):
+        yield f"{key} = {value}: should be a finite number"
+    elif isinstance(value, date | time):
+        yield f"{key} = {value}: is a date or a time, and no setting is one"
 
 
 def _first_problem(error: ValidationError, *, source: str, options: Mapping[str, str]) -> str:

@@ -15,8 +15,9 @@ from harness.errors import InputError
 Writer = Callable[[str], Path]
 
 
-def no_check(_: str) -> None:
-    """A pipeline that accepts everything."""
+def no_check(text: str) -> str:
+    """A pipeline that accepts everything and has no defaults."""
+    return text
 
 
 @pytest.fixture
@@ -97,7 +98,18 @@ def test_a_misspelt_key_gets_its_nearest_and_the_file(
         ('[run]\nclasses = ["mug", "mug"]', "names a class twice"),
         ('[run]\nclasses = ["spoon"]', "run.classes.0 = 'spoon': should be 'bottle', 'bowl'"),
         ("[run]\nclasses = []", "run.classes = []"),
-        ("[scenes]\nwidth = 8", "scenes.width = 8: should be greater than or equal to 16"),
+        ("[scenes]\nviews = 25", "scenes.views = 25: should be less than or equal to 24"),
+        ("[scenes]\nwidth = 63", "scenes.width = 63: should be greater than or equal to 64"),
+        ("[scenes]\nheight = 63", "scenes.height = 63: should be greater than or equal to 64"),
+        ("scenes = 3", "scenes = 3: should be a table; write [scenes] and its keys below"),
+        ("scenes = [1]", "scenes = [1]: should be a table; write [scenes] and its keys below"),
+        ("pipeline = 3", "pipeline = 3: should be a table; write [pipeline] and its keys below"),
+        ("[scenes]\ndepth_noise = 1", "scenes.depth_noise = 1: should be a table; write [scenes.d"),
+        ("[run]\nseed = 2020-01-01", "run.seed = datetime.date(2020, 1, 1): should be a valid int"),
+        ("[pipeline.map]\nday = 2020-01-01", "pipeline.map.day = 2020-01-01: is a date or a time"),
+        ("[pipeline.map]\nat = 10:00:00", "pipeline.map.at = 10:00:00: is a date or a time, and"),
+        ("[pipeline.gp]\nx = [1, nan]", "pipeline.gp.x.1 = nan: should be a finite number"),
+        ("[pipeline]\ny = -inf", "pipeline.y = -inf: should be a finite number"),
         ("[run\n", "is not valid TOML"),
     ],
 )
@@ -115,6 +127,25 @@ def test_a_value_of_the_command_line_is_named_by_its_option() -> None:
     assert problem == "--scenes 0: should be greater than or equal to 1"
 
 
+def test_an_option_for_a_section_that_is_none_gets_one_line(write: Writer) -> None:
+    path = write("run = 3")
+    expected = f"{path}: run = 3: should be a table; write [run] and its keys below"
+    assert message(path, Override("run.scenes", 1, "--scenes")) == expected
+
+
+def test_a_loaded_configuration_holds_the_pipelines_defaults(write: Writer) -> None:
+    config = load_config(None)
+    assert config.pipeline["segmenter"] == "oracle"
+    assert config.pipeline["map"]["resolution_m"] == 0.005
+    assert set(config.pipeline) == {"segmenter", "map", "training", "gp"}
+    for said in ("segmenter = 'oracle'", "map.resolution_m = 0.005", "map.max_range_m = 2"):
+        assert load_config(write(f"[pipeline]\n{said}\n")) == config
+    # What an earlier version wrote keeps its values, whatever this version's defaults are.
+    older = {**config.pipeline, "gp": {**config.pipeline["gp"], "fit_points": 77}}
+    text = config.model_copy(update={"pipeline": older}).to_toml()
+    assert load_config(write(text)).pipeline == older
+
+
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     missing = tmp_path / "none.toml"
     assert message(missing) == f"cannot read the configuration {missing}: No such file or directory"
@@ -128,7 +159,7 @@ def test_the_pipeline_table_goes_to_its_own_check(write: Writer) -> None:
     path = write("[pipeline.gp]\nfit_point = 3")
     seen: list[object] = []
 
-    def refuse(text: str) -> None:
+    def refuse(text: str) -> str:
         seen.append(json.loads(text))
         raise ValueError("unknown key gp.fit_point; did you mean gp.fit_points?")
 
