@@ -49,6 +49,8 @@ class BenchOptions:
     scenes, seed, workers, objects
         Take the place of the configuration's ``run.scenes``, ``run.seed``, ``run.workers`` and
         ``scenes.objects``.
+    cluttered
+        Put other objects around the targets, whatever the configuration says.
     out
         The run's folder; by default a new one under ``results``. A folder that holds a run is
         continued with the run's own configuration.
@@ -61,6 +63,7 @@ class BenchOptions:
     seed: int | None = None
     workers: int | None = None
     objects: Path | None = None
+    cluttered: bool = False
     out: Path | None = None
     config: Path | None = None
 
@@ -96,7 +99,7 @@ class Wiring:
     load_objects
         Object models of a folder.
     check_pipeline
-        Checks the ``[pipeline]`` table; None takes the Rust pipeline's check.
+        Checks and completes the ``[pipeline]`` table; None takes the Rust pipeline's check.
     """
 
     scene_function: str = "harness.scene_run:run_scene"
@@ -222,6 +225,7 @@ def resolve_config(options: BenchOptions, *, check_pipeline: PipelineCheck | Non
         Override("run.seed", options.seed, "--seed"),
         Override("run.workers", options.workers, "--workers"),
         Override("scenes.objects", objects, "--objects"),
+        Override("scenes.cluttered", options.cluttered or None, "--cluttered"),
     )
     path = options.config
     if path is None and options.out is not None and RunDirectory.is_run(options.out):

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import sys
-from pathlib import Path  # noqa: TC003 - typer reads annotations at run time
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
@@ -100,6 +101,9 @@ def bench(
             metavar="FILE", help="TOML with \\[run], \\[scenes], \\[protocol], \\[pipeline]."
         ),
     ] = None,
+    cluttered: Annotated[
+        bool, typer.Option("--cluttered", help="Put other objects around the targets.")
+    ] = False,
 ) -> int:
     """Render scenes, map and classify them, score against the true meshes, print the table."""
     result = run_bench(
@@ -109,6 +113,7 @@ def bench(
             seed=seed,
             workers=workers,
             objects=objects,
+            cluttered=cluttered,
             out=out,
             config=config,
         ),
@@ -342,6 +347,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         check_python(sys.version_info[:2])
         given = sys.argv[1:] if arguments is None else list(arguments)
         code = app(given or ["--help"], prog_name="harness", standalone_mode=False)
+        sys.stdout.flush()
     except InputError as error:
         return _fail(str(error), EXIT_BAD_INPUT)
     except typer.TyperException as error:
@@ -350,12 +356,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(str(error), EXIT_INTERRUPTED)
     except KeyboardInterrupt:
         return _fail("interrupted", EXIT_INTERRUPTED)
+    except OSError as error:
+        return _fail_to_write(error)
     return EXIT_OK if code is None else int(code)
 
 
 def _fail(message: str, code: int) -> int:
     print(f"harness: {' '.join(message.split())}", file=sys.stderr)
     return code
+
+
+def _fail_to_write(error: OSError) -> int:
+    """Say what the system refused, such as output to a full disk, and drop unwritten output."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        # Python flushes once more at exit, with a traceback and an exit code of its own.
+        with Path(os.devnull).open("wb") as nowhere:
+            os.dup2(nowhere.fileno(), sys.stdout.fileno())
+    where = error.filename or "the output"
+    return _fail(
+        f"cannot read or write {where}: {error.strerror or error}; check the path and the disk",
+        EXIT_BAD_INPUT,
+    )
 
 
 def _line(text: str) -> None:

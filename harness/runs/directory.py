@@ -27,6 +27,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pydantic import ValidationError
+
 from harness.config import Config, differing_keys, load_config
 from harness.errors import InputError
 from harness.runs.atomic import PARTIAL_SUFFIX, DiskError, remove_quietly, write_text
@@ -43,6 +45,8 @@ MANIFEST = "manifest.json"
 CONFIG = "config.toml"
 RECORDS = "records.parquet"
 TIMINGS = "timings.parquet"
+
+_MANIFEST_TYPES = {"schema_version": int, "config": dict, "objects": list, "sessions": list}
 
 
 def default_folder(config: Config, *, now: datetime | None = None) -> Path:
@@ -73,20 +77,30 @@ class RunDirectory:
         return (folder / MANIFEST).is_file()
 
     def config(self) -> Config:
-        """Read the run's configuration."""
-        # Checked when the run was begun, perhaps by a pipeline that knew other keys.
-        return load_config(self.folder / CONFIG, check_pipeline=lambda _: None)
+        """Read the configuration that the run was begun with."""
+        try:
+            return Config.model_validate(self.manifest()["config"])
+        except ValidationError as error:
+            key = ".".join(str(part) for part in error.errors()[0]["loc"])
+            raise InputError(
+                f"{self.folder / MANIFEST} holds a configuration that this version does not know "
+                f"({key}); read it with the version that it names"
+            ) from None
 
     def manifest(self) -> dict[str, Any]:
         """Read the run's manifest."""
-        path = self.folder / MANIFEST
+        path, remedy = self.folder / MANIFEST, "choose another folder or delete this one"
         try:
-            manifest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+            manifest: object = json.loads(path.read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
-            raise InputError(
-                f"{path} cannot be read ({error}); choose another folder or delete this one"
-            ) from None
-        return manifest
+            raise InputError(f"{path} cannot be read ({error}); {remedy}") from None
+        found = manifest if isinstance(manifest, dict) else {}
+        for key, kind in _MANIFEST_TYPES.items():
+            if not isinstance(found.get(key), kind):
+                raise InputError(
+                    f"{path} is no run's manifest: no {kind.__name__} '{key}'; {remedy}"
+                )
+        return found
 
     def keep(self, job: SceneJob, result: SceneResult) -> None:
         """Write a finished scene."""
@@ -140,10 +154,10 @@ class RunDirectory:
         manifest["sessions"].append(session)
         _write_manifest(self.folder, manifest)
         return [
-            f"{what} changed since the run was last worked at: {last[what]} -> {session[what]}"
+            f"{what} changed since the run was last worked at: {last.get(what)} -> {session[what]}"
             for last in before
             for what in ("git", "packages", "python")
-            if last[what] != session[what]
+            if last.get(what) != session[what]
         ]
 
     def _remove_partial_files(self) -> None:
@@ -222,7 +236,15 @@ def _check_same(run: RunDirectory, *, config: Config, objects: list[str]) -> Non
             f"{run.folder} was written with record schema {manifest.get('schema_version')}, this "
             f"version writes {SCHEMA_VERSION}; pass another --out"
         )
-    if keys := differing_keys(ours=config, theirs=run.config()):
+    begun_with = run.config()
+    # Not checked by the pipeline: what an earlier one wrote without a key is not an edit.
+    written = load_config(run.folder / CONFIG, check_pipeline=lambda text: text)
+    if keys := differing_keys(ours=written, theirs=begun_with):
+        raise InputError(
+            f"{run.folder / CONFIG} is not what the run was begun with: {'; '.join(keys)}; "
+            "undo the edit, or pass it as --config with another --out"
+        )
+    if keys := differing_keys(ours=config, theirs=begun_with):
         raise InputError(
             f"{run.folder} holds a run of another configuration: {'; '.join(keys)}; "
             "pass another --out, or --out alone to continue it as it was"

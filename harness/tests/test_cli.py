@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import time
+import tomllib
 from collections.abc import Callable
 from dataclasses import replace
 from types import ModuleType
@@ -208,6 +209,29 @@ def test_ctrl_c_exits_with_130_and_says_how_to_go_on(tmp_path: Path, orders: Pat
         f"continue with `harness bench --out {folder}`"
     )
     assert "Traceback" not in err
+
+
+def test_a_full_disk_under_the_output_gets_one_line(harness: Harness, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    assert harness("bench", "--scenes", "1", "--workers", "1", "--out", folder)[0] == 0
+    command = [sys.executable, "-c", "import sys; from harness import cli; sys.exit(cli.main())"]
+    with open("/dev/full", "wb") as full:  # noqa: PTH123 - a device, no path of ours
+        done = subprocess.run(
+            [*command, "show", str(folder)], stdout=full, stderr=subprocess.PIPE, check=False
+        )
+    assert done.returncode == 2
+    assert done.stderr.decode() == (
+        "harness: cannot read or write the output: No space left on device; "
+        "check the path and the disk\n"
+    )
+
+
+def test_clutter_is_asked_for_on_the_command_line(harness: Harness, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    code, _, _ = harness("bench", "--cluttered", "--scenes", "1", "--workers", "1", "--out", folder)
+    assert code == 0
+    config = tomllib.loads((folder / "config.toml").read_text(encoding="utf-8"))
+    assert config["scenes"]["cluttered"] is True
 
 
 @pytest.mark.parametrize(

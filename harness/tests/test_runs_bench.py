@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -278,6 +279,59 @@ def test_other_objects_and_other_schemas_are_refused(folder: Path) -> None:
     path.write_text("{", encoding="utf-8")
     with pytest.raises(InputError, match=r"manifest.json cannot be read .*choose another folder"):
         bench(folder)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('{"schema_version": 2}', "is no run's manifest: no dict 'config'; choose another folder"),
+        ("[]", "is no run's manifest: no int 'schema_version'"),
+    ],
+)
+def test_a_manifest_of_something_else_is_refused(folder: Path, text: str, message: str) -> None:
+    (folder / "manifest.json").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=message):
+        bench(folder)
+    with pytest.raises(InputError, match=message):
+        show_run(folder)
+
+
+def test_an_edited_configuration_is_refused_though_it_equals_itself(folder: Path) -> None:
+    path = folder / "config.toml"
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("test_points = 1000", "test_points = 999"), encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        run_bench(BenchOptions(out=folder), wiring=WIRING)
+    assert str(caught.value) == (
+        f"{path} is not what the run was begun with: protocol.test_points (1000 there, 999 asked); "
+        "undo the edit, or pass it as --config with another --out"
+    )
+
+
+def test_a_configuration_of_another_version_is_refused(folder: Path) -> None:
+    path = folder / "manifest.json"
+    manifest = json.loads(path.read_text(encoding="utf-8"))
+    manifest["config"]["scenes"]["fog"] = 0.5
+    path.write_text(json.dumps(manifest), encoding="utf-8")
+    with pytest.raises(InputError, match=r"does not know \(scenes.fog\); read it with the version"):
+        show_run(folder)
+
+
+def test_a_run_keeps_the_pipelines_defaults_and_takes_an_explicit_one(tmp_path: Path) -> None:
+    wiring = replace(WIRING, check_pipeline=None)
+    folder = bench(tmp_path / "run", wiring=wiring).folder
+    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    stored = tomllib.loads((folder / "config.toml").read_text(encoding="utf-8"))["pipeline"]
+    assert stored == manifest["config"]["pipeline"]
+    assert stored["training"]["points"] == 3600
+    empty, explicit = tmp_path / "empty.toml", tmp_path / "explicit.toml"
+    empty.touch()
+    explicit.write_text("[pipeline.training]\npoints = 3600\n", encoding="utf-8")
+    assert bench(folder, wiring=wiring, config=explicit).folder == folder
+    # A default that is another today than when the run was begun.
+    other = replace(WIRING, check_pipeline=lambda text: text.replace("{}", '{"points": 99}'))
+    with pytest.raises(InputError, match=r"pipeline.points \(unset there, 99 asked\)"):
+        bench(folder, wiring=other, config=empty)
 
 
 def test_changed_code_is_said(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
