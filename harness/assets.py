@@ -12,9 +12,16 @@ import trimesh
 from sim_scenes.objects.bowl import BowlParams, Outline, Rim, Style
 from sim_scenes.objects.draws import Split, stream
 from sim_scenes.objects.errors import ObjectError
-from sim_scenes.objects.generate import encode_object
+from sim_scenes.objects.generate import encode_object, name_object
 from sim_scenes.objects.handle import Handle
-from sim_scenes.objects.manifest import CATEGORIES, Record, sha256_of, write_manifest
+from sim_scenes.objects.manifest import (
+    CATEGORIES,
+    NAMES as MANIFEST_NAMES,
+    Record,
+    read_manifest,
+    sha256_of,
+    write_manifest,
+)
 from sim_scenes.objects.mug import Body, MugParams
 
 if TYPE_CHECKING:
@@ -77,7 +84,8 @@ def generate_assets(
     Raises
     ------
     ObjectError
-        An unknown split or category, a negative number, or nothing to make.
+        An unknown split or category, a negative number, or nothing to make; a folder that cannot
+        be written or that holds another set.
     """
     if benchmark:
         split, seed, counts = BENCHMARK_SPLIT.value, BENCHMARK_SEED, BENCHMARK_COUNTS
@@ -94,23 +102,51 @@ def generate_assets(
     jobs = [(name, index) for name in CATEGORIES for index in range(counts.get(name, 0))]
     if not jobs:
         raise ObjectError("no mesh was asked for; give at least one category a count above 0")
-
-    (out / MANIFEST).unlink(missing_ok=True)
-    records = []
-    for done, (category, index) in enumerate(jobs, start=1):
-        record, data = encode_object(split=family, category=category, index=index, seed=seed)
-        target = out / record.path
-        target.parent.mkdir(parents=True, exist_ok=True)
-        partial = target.with_name(f".{target.name}.partial")
-        partial.write_bytes(data)
-        partial.replace(target)
-        records.append(record)
-        if progress is not None:
-            progress(Progress(done=done, total=len(jobs), path=record.path))
-    if benchmark:
-        records.append(pybullet_mug())
-    write_manifest(out / MANIFEST, records)
+    added = [pybullet_mug()] if benchmark else []
+    try:
+        _keep_other_sets(
+            out,
+            {
+                *(name_object(split=family, category=c, index=i, seed=seed) for c, i in jobs),
+                *((record.path, record.source) for record in added),
+            },
+        )
+        (out / MANIFEST).unlink(missing_ok=True)
+        records = []
+        for done, (category, index) in enumerate(jobs, start=1):
+            record, data = encode_object(split=family, category=category, index=index, seed=seed)
+            target = out / record.path
+            target.parent.mkdir(parents=True, exist_ok=True)
+            partial = target.with_name(f".{target.name}.partial")
+            partial.write_bytes(data)
+            partial.replace(target)
+            records.append(record)
+            if progress is not None:
+                progress(Progress(done=done, total=len(jobs), path=record.path))
+        records += added
+        write_manifest(out / MANIFEST, records)
+    except OSError as error:
+        reason = error.strerror or error
+        raise ObjectError(
+            f"cannot write to {out}: {reason}; pass a folder that can be written as --out"
+        ) from error
     return records
+
+
+def _keep_other_sets(out: Path, wanted: set[tuple[str, str | None]]) -> None:
+    """Refuse a folder whose manifest lists a mesh that is not wanted, by path and source."""
+    for name in MANIFEST_NAMES:
+        manifest = out / name
+        if not manifest.is_file():
+            continue
+        other = next((r for r in read_manifest(manifest) if (r.path, r.source) not in wanted), None)
+        # The generator's manifest goes by one name; the other would hide it from a reader.
+        if other is not None or name != MANIFEST:
+            what = other.path if other is not None else "the meshes"
+            raise ObjectError(
+                f"{manifest}: lists {what} of another set; pass an empty folder as --out, "
+                "or delete that set"
+            )
 
 
 def shows_every_kind(seed: int) -> bool:

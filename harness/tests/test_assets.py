@@ -53,7 +53,7 @@ def test_same_arguments_give_the_same_folder(tmp_path: Path) -> None:
 
 
 def test_a_broken_run_leaves_no_manifest(tmp_path: Path) -> None:
-    generate_assets(tmp_path, counts={"can": 2})
+    generate_assets(tmp_path, seed=1, counts={"can": 1})
 
     def stop(_: Progress) -> None:
         raise KeyboardInterrupt
@@ -78,6 +78,44 @@ def test_refuses(tmp_path: Path, settings: dict[str, Any], message: str) -> None
     with pytest.raises(ObjectError, match=message):
         generate_assets(tmp_path / "out", **settings)
     assert not list(tmp_path.rglob("*.ply"))
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [{"seed": 1, "counts": {"can": 1}}, {"split": "test", "counts": {"can": 1}}],
+)
+def test_another_set_is_kept(tmp_path: Path, settings: dict[str, Any]) -> None:
+    generate_assets(tmp_path, counts={"can": 1})
+    before = files(tmp_path)
+    expected = r"MANIFEST\.json: lists objects/can/can_train_000\.ply of another set; pass an empty"
+    with pytest.raises(ObjectError, match=expected):
+        generate_assets(tmp_path, **settings)
+    assert files(tmp_path) == before
+    # More meshes of the same set lose none.
+    generate_assets(tmp_path, counts={"can": 2})
+    assert before.keys() < files(tmp_path).keys()
+
+
+def test_a_manifest_that_would_hide_the_new_one_is_kept(tmp_path: Path) -> None:
+    generate_assets(tmp_path, counts={"can": 1})
+    (tmp_path / "MANIFEST.json").rename(tmp_path / "manifest.json")
+    with pytest.raises(ObjectError, match=r"manifest\.json: lists the meshes of another set; pass"):
+        generate_assets(tmp_path, counts={"can": 1})
+    (tmp_path / "manifest.json").write_text("{", encoding="utf-8")
+    with pytest.raises(ObjectError, match=r"manifest\.json: cannot be read as JSON"):
+        generate_assets(tmp_path, counts={"can": 1})
+
+
+@pytest.mark.parametrize("inner", ["", "deep/er"])
+def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path, inner: str) -> None:
+    file = tmp_path / "file"
+    file.write_text("mine", encoding="utf-8")
+    expected = (
+        rf"^cannot write to {file / inner}: Not a directory; pass a folder that can be written"
+    )
+    with pytest.raises(ObjectError, match=expected):
+        generate_assets(file / inner, counts={"can": 1})
+    assert files(tmp_path) == {"file": b"mine"}
 
 
 def test_the_committed_set_is_the_benchmark() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Protocol, cast
 
 from sim_scenes.objects.draws import Split, stream
@@ -40,20 +41,28 @@ def generate_object(*, split: Split, category: str, index: int, seed: int) -> tr
     return module.generate(stream(split=split, category=category, index=index, seed=seed))
 
 
+def name_object(*, split: Split, category: str, index: int, seed: int) -> tuple[str, str]:
+    """Path and source of a mesh's manifest entry, without making the mesh."""
+    return (
+        f"objects/{category}/{category}_{split.value}_{index:03d}.ply",
+        f"credence generator, split {split.value}, index {index}, seed {seed}",
+    )
+
+
 def encode_object(*, split: Split, category: str, index: int, seed: int) -> tuple[Record, bytes]:
     """Make one mesh: its manifest entry and its file."""
     mesh = generate_object(split=split, category=category, index=index, seed=seed)
+    path, source = name_object(split=split, category=category, index=index, seed=seed)
     data = ply_bytes(mesh)
-    name = f"{category}_{split.value}_{index:03d}"
     x, y, z = (round(float(extent), 6) for extent in mesh.extents)
     record = Record(
-        path=f"objects/{category}/{name}.ply",
+        path=path,
         category=category,
-        name=name,
+        name=PurePosixPath(path).stem,
         extents_m=(x, y, z),
         watertight=True,
         sha256=sha256_of(data),
         license=LICENSE,
-        source=f"credence generator, split {split.value}, index {index}, seed {seed}",
+        source=source,
     )
     return record, data
