@@ -208,12 +208,27 @@ def _name(path: Path) -> str:
 def _inside(root: Path, relative: str) -> Path:
     """Path of a file that must lie in `root`."""
     path = root / relative
-    if not path.resolve().is_relative_to(root.resolve()):
+    try:
+        inside = path.resolve().is_relative_to(root.resolve())
+        path.is_file()
+    # A NUL, a name too long for the disk, links in a circle.
+    except (OSError, RuntimeError, ValueError) as error:
+        raise ObjectError(
+            f"{root}: {relative!r:.80} is no file's path ({_reason(error)}); correct the manifest"
+        ) from error
+    if not inside:
         raise ObjectError(
             f"{relative}: leads out of {root}; keep the files in the manifest's folder "
             "and give relative paths"
         )
     return path
+
+
+def _reason(error: Exception) -> str:
+    """Say what is wrong with a path, without the path itself."""
+    if isinstance(error, OSError):
+        return error.strerror or "unreadable"
+    return "links in a circle" if isinstance(error, RuntimeError) else str(error)
 
 
 def _package_folder(package: str, folder: Path) -> Path:

@@ -149,6 +149,24 @@ def test_paths_stay_in_the_folder(tmp_path: Path, path: str) -> None:
         load_object_set(folder)
 
 
+@pytest.mark.parametrize("field", ["path", "texture"])
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("a\0.obj", "embedded null byte"),
+        ("a" * 300, "File name too long"),
+        ("round", "links in a circle"),
+    ],
+)
+def test_texts_that_are_no_paths(tmp_path: Path, field: str, name: str, reason: str) -> None:
+    put(tmp_path)
+    (tmp_path / "round").symlink_to("round")
+    write(tmp_path, mug(**{field: name}))
+    with pytest.raises(ObjectError, match=rf"is no file's path \({reason}\); correct the") as it:
+        load_object_set(tmp_path)
+    assert str(it.value).startswith(f"{tmp_path}: {name!r:.80} is")
+
+
 def test_links_do_not_lead_out(tmp_path: Path) -> None:
     folder = tmp_path / "set"
     folder.mkdir()
