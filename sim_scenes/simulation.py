@@ -68,7 +68,8 @@ def simulate(spec: SceneSpec, seed: int, objects: ObjectSet) -> Scene:
     raise SceneError(
         f"no scene of '{spec.title}' from seed {seed} ({', '.join(s.name for s in solids)}) within "
         f"{spec.max_redraws} redraws; the last draw: {redraws[-1]}. "
-        "Widen the arc, leave out the model, or raise max_redraws"
+        "Ask for fewer views, a larger width and height or another seed, or take the model out of "
+        "the folder of objects"
     )
 
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -261,8 +262,17 @@ def test_a_scene_that_cannot_be_reached_names_its_spec(
     spec = replace(small, arc=behind, max_redraws=1)
     with pytest.raises(
         SceneError, match=r"no scene of 'mug, 2 views' from seed 5 \(cup\) within 1"
-    ):
+    ) as caught:
         simulate(spec, 5, object_set)
+    # What it names is what a benchmark's configuration lets a person change.
+    remedy = str(caught.value).rpartition(". ")[2]
+    assert re.findall("views|width|height|seed|objects", remedy) == [
+        "views",
+        "width",
+        "height",
+        "seed",
+        "objects",
+    ]
 
 
 def test_what_cannot_stand_is_an_error_too(object_set: ObjectSet, tmp_path: Path) -> None:
