@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich.console import Console
+from rich.progress import Progress as ProgressBar
 
 from harness.bench import (
     QUICK_SCENES,
@@ -172,12 +173,19 @@ def assets(
     """Generate watertight meshes in metres, with a manifest that `bench --objects` reads."""
     from harness.assets import generate_assets
 
-    try:
-        records = generate_assets(
-            out, split=split, seed=seed, per_category=count, benchmark=benchmark
-        )
-    except (ValueError, OSError) as error:
-        raise InputError(str(error)) from error
+    with ProgressBar(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("meshes")
+        try:
+            records = generate_assets(
+                out,
+                split=split,
+                seed=seed,
+                per_category=count,
+                benchmark=benchmark,
+                progress=lambda step: bar.update(task, completed=step.done, total=step.total),
+            )
+        except (ValueError, OSError) as error:
+            raise InputError(str(error)) from error
     _stdout().print(f"{len(records)} meshes in {out}", highlight=False, markup=False)
     return EXIT_OK
 

@@ -142,6 +142,7 @@ def generated(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Path, dict[str, obj
     calls = []
 
     def generate_assets(out: Path, **settings: object) -> list[str]:
+        assert callable(settings.pop("progress"))
         calls.append((out, settings))
         if settings["seed"] == 13:
             raise ValueError("no mug can be made of seed 13; pass another --seed")
