@@ -173,7 +173,8 @@ def assets(
     """Generate watertight meshes in metres, with a manifest that `bench --objects` reads."""
     from harness.assets import generate_assets
 
-    with ProgressBar(console=Console(stderr=True), transient=True) as bar:
+    console = Console(stderr=True)
+    with ProgressBar(console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("meshes")
         try:
             records = generate_assets(
