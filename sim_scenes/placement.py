@@ -159,7 +159,9 @@ def _fits(place: Floats, radius_m: float, places: list[Floats], radii: list[floa
         return False
     if abs(math.atan2(place[1], place[0])) > CROWD_BEARING_RAD:
         return False
-    if float(np.hypot(*(place - places[0]))) > CROWD_SPREAD_M + radii[0]:
+    # A wide object, such as a laptop, may stand right beside the target, wherever its middle is.
+    spread_m = max(CROWD_SPREAD_M, radius_m + CROWD_GAP_M[1])
+    if float(np.hypot(*(place - places[0]))) > spread_m + radii[0]:
         return False
     return all(
         float(np.hypot(*(place - other))) >= radius_m + radius + CROWD_GAP_M[0]
