@@ -10,6 +10,8 @@
 //! [`Points`] and labels make a [`TrainingSet`]; [`DirichletGp::fit`] finds [`Hyperparameters`] for
 //! each class, [`DirichletGp::posterior`] gives a [`Posterior`], and that gives classes, variances,
 //! probabilities and confidences. [`Covariance`] chooses the space in which points are compared.
+//! [`PriorMeans`] let another model speak first, and [`DirichletGp::evidence`] tells how well what
+//! it says agrees with the training points.
 //!
 //! ```
 //! use credence_gp::{Covariance, DirichletGp, FitConfig, Points, TrainingSet};
@@ -39,6 +41,7 @@ mod likelihood;
 mod model;
 mod points;
 mod posterior;
+mod prior;
 mod softmax;
 mod targets;
 mod training;
@@ -53,5 +56,6 @@ pub use likelihood::{Gradient, Likelihood};
 pub use model::DirichletGp;
 pub use points::Points;
 pub use posterior::Posterior;
+pub use prior::{Prior, PriorMeans};
 pub use targets::Targets;
 pub use training::TrainingSet;

@@ -65,21 +65,11 @@ pub(crate) fn evaluate(
     class: usize,
 ) -> Result<Evaluation, GpError> {
     let n = points.len();
-    let factor = Factor::new(storage, kernel, points, &targets.noise, class)?;
-
-    let mut whitened = targets.target.clone();
-    whitened.resize(2 * n, 1.0);
-    factor.solve_lower(MatMut::from_column_major_slice_mut(&mut whitened, n, 2));
-    let (target, one) = whitened.split_at(n);
-    let mean = match mean {
-        Mean::Given(mean) => mean,
-        Mean::BestFit => dot(one, target) / dot(one, one),
-    };
-    let mut weights: Vec<f64> = target
-        .iter()
-        .zip(one)
-        .map(|(y, one)| y - mean * one)
-        .collect();
+    let Whitened {
+        factor,
+        mean,
+        residuals: mut weights,
+    } = Whitened::new(storage, kernel, points, targets, mean, class)?;
     let mahalanobis = dot(&weights, &weights);
     factor.solve_upper(MatMut::from_column_major_slice_mut(&mut weights, n, 1));
 
@@ -96,10 +86,9 @@ pub(crate) fn evaluate(
         });
 
     let per = 1.0 / n as f64;
-    let log_two_pi = std::f64::consts::TAU.ln();
     Ok(Evaluation {
         likelihood: Likelihood {
-            per_datum: -0.5 * (per * (mahalanobis + factor.log_determinant()) + log_two_pi),
+            per_datum: per_datum(&factor, mahalanobis, n),
             gradient: Gradient {
                 lengthscale: 0.5 * per * trace.slope / kernel.lengthscale,
                 outputscale: 0.5 * per * trace.value / kernel.outputscale,
@@ -110,6 +99,60 @@ pub(crate) fn evaluate(
         jitter: factor.jitter(),
         storage: factor.into_storage(),
     })
+}
+
+/// A factorised covariance L L' and the residuals L^-1 (y - m).
+#[derive(Debug)]
+pub(crate) struct Whitened {
+    pub(crate) factor: Factor,
+    pub(crate) mean: f64,
+    pub(crate) residuals: Vec<f64>,
+}
+
+impl Whitened {
+    pub(crate) fn new(
+        storage: Storage,
+        kernel: &Matern,
+        points: &Points,
+        targets: &Targets,
+        mean: Mean,
+        class: usize,
+    ) -> Result<Self, GpError> {
+        let n = points.len();
+        let factor = Factor::new(storage, kernel, points, &targets.noise, class)?;
+        let mut whitened = targets.target.clone();
+        whitened.resize(2 * n, 1.0);
+        factor.solve_lower(MatMut::from_column_major_slice_mut(&mut whitened, n, 2));
+        let (target, one) = whitened.split_at(n);
+        let mean = match mean {
+            Mean::Given(mean) => mean,
+            Mean::BestFit => dot(one, target) / dot(one, one),
+        };
+        let residuals = target
+            .iter()
+            .zip(one)
+            .map(|(y, one)| y - mean * one)
+            .collect();
+        Ok(Self {
+            factor,
+            mean,
+            residuals,
+        })
+    }
+
+    /// ln p(y).
+    pub(crate) fn log_density(&self) -> f64 {
+        let n = self.residuals.len();
+        let mahalanobis = dot(&self.residuals, &self.residuals);
+        n as f64 * per_datum(&self.factor, mahalanobis, n)
+    }
+}
+
+/// ln p(y) / n.
+fn per_datum(factor: &Factor, mahalanobis: f64, n: usize) -> f64 {
+    let log_two_pi = std::f64::consts::TAU.ln();
+    let per = 1.0 / n as f64;
+    -0.5 * (per * (mahalanobis + factor.log_determinant()) + log_two_pi)
 }
 
 /// The share of one tile of columns in tr((a a' - K^-1) K) and tr((a a' - K^-1) dK/d(ln l)).

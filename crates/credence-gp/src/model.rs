@@ -1,14 +1,14 @@
 use rayon::prelude::*;
 
 use crate::{
-    Covariance, Fit, FitConfig, GpError, Hyperparameters, Likelihood, Points, Posterior,
-    Smoothness, Targets, TrainingSet,
+    Covariance, Fit, FitConfig, GpError, Hyperparameters, Likelihood, Points, Posterior, Prior,
+    PriorMeans, Smoothness, Start, Targets, TrainingSet,
     conditioned::Conditioned,
     covariance::check_length,
     factor::{Factor, Storage},
     fit::fit_class,
     kernel::Matern,
-    likelihood::{Mean, evaluate},
+    likelihood::{Mean, Whitened, evaluate},
     targets::check_alpha_epsilon,
 };
 
@@ -136,6 +136,106 @@ impl DirichletGp {
         fits.into_iter().collect()
     }
 
+    /// Hyperparameters of the given scales, with the constant mean of each class that maximises
+    /// its marginal likelihood.
+    ///
+    /// # Arguments
+    ///
+    /// * `scales`: lengthscale and outputscale per class.
+    ///
+    /// # Errors
+    /// Those of [`likelihood`](Self::likelihood).
+    pub fn best_means(
+        &self,
+        training: &TrainingSet,
+        covariance: &Covariance,
+        scales: &[Start],
+    ) -> Result<Vec<Hyperparameters>, GpError> {
+        let unknown = |scales: &Start| Hyperparameters {
+            lengthscale: scales.lengthscale,
+            outputscale: scales.outputscale,
+            mean: 0.0,
+        };
+        let given: Vec<_> = scales.iter().map(unknown).collect();
+        check(training, covariance, &given)?;
+        let points = covariance.inputs(training);
+        let mut storage = Storage::new(points.len());
+        let mut best = Vec::with_capacity(given.len());
+        for (class, (targets, own)) in self.targets(training)?.iter().zip(&given).enumerate() {
+            let kernel = self.kernel(own);
+            let whitened = Whitened::new(storage, &kernel, points, targets, Mean::BestFit, class)?;
+            let own = Hyperparameters {
+                mean: whitened.mean,
+                ..*own
+            };
+            if !own.mean.is_finite() {
+                return Err(own.overflow("the mean", class));
+            }
+            best.push(own);
+            storage = whitened.factor.into_storage();
+        }
+        Ok(best)
+    }
+
+    /// What a model that gives class probabilities expects of the latent functions.
+    ///
+    /// Probability P(c) counts as that share of one observation of the class: the prior mean is the
+    /// target of the Dirichlet likelihood at a = `alpha_epsilon` + P(c), so ln a - ln(1/a + 1)/2.
+    /// A certain model expects what a label would say.
+    ///
+    /// # Arguments
+    ///
+    /// * `probabilities`: one row of `classes` numbers in \[0, 1\] per point, row-major.
+    ///
+    /// # Errors
+    /// Fewer than 2 classes, probabilities that are no whole number of rows or not in \[0, 1\],
+    /// `alpha_epsilon` outside its range.
+    pub fn prior_means(
+        &self,
+        probabilities: &[f64],
+        classes: usize,
+    ) -> Result<PriorMeans, GpError> {
+        check_alpha_epsilon(self.alpha_epsilon)?;
+        PriorMeans::new(probabilities, classes, self.alpha_epsilon)
+    }
+
+    /// Log marginal likelihood ln p(y | X) of each class under prior means at the training points.
+    ///
+    /// # Errors
+    /// Those of [`likelihood`](Self::likelihood), prior means of another number of points or
+    /// classes.
+    pub fn evidence(
+        &self,
+        training: &TrainingSet,
+        covariance: &Covariance,
+        hyperparameters: &[Hyperparameters],
+        prior: &PriorMeans,
+    ) -> Result<Vec<f64>, GpError> {
+        check(training, covariance, hyperparameters)?;
+        let points = covariance.inputs(training);
+        prior.check("prior means at training points", points, training.classes())?;
+        let mut storage = Storage::new(points.len());
+        let mut evidence = Vec::with_capacity(training.classes());
+        for (class, (mut targets, own)) in self
+            .targets(training)?
+            .into_iter()
+            .zip(hyperparameters)
+            .enumerate()
+        {
+            prior.take_off(class, &mut targets.target);
+            let kernel = self.kernel(own);
+            let mean = Mean::Given(own.mean);
+            let whitened = Whitened::new(storage, &kernel, points, &targets, mean, class)?;
+            let log_density = whitened.log_density();
+            if !log_density.is_finite() {
+                return Err(own.overflow("the evidence", class));
+            }
+            evidence.push(log_density);
+            storage = whitened.factor.into_storage();
+        }
+        Ok(evidence)
+    }
+
     /// Latent posterior at `test`, without observation noise.
     ///
     /// # Errors
@@ -148,26 +248,67 @@ impl DirichletGp {
         hyperparameters: &[Hyperparameters],
         test: &Points,
     ) -> Result<Posterior, GpError> {
+        self.posterior_from(training, covariance, hyperparameters, None, test)
+    }
+
+    /// Latent posterior at `test` under prior means m: mean m(X*) + K(X*,X) K^-1 (y - m(X)) and the
+    /// variance of [`posterior`](Self::posterior), which does not depend on them.
+    ///
+    /// # Errors
+    /// Those of [`posterior`](Self::posterior), prior means of another number of points or classes.
+    pub fn posterior_given(
+        &self,
+        training: &TrainingSet,
+        covariance: &Covariance,
+        hyperparameters: &[Hyperparameters],
+        prior: Prior<'_>,
+        test: &Points,
+    ) -> Result<Posterior, GpError> {
+        let classes = training.classes();
+        let at_training = "prior means at training points";
+        prior
+            .training
+            .check(at_training, training.points(), classes)?;
+        prior
+            .test
+            .check("prior means at test points", test, classes)?;
+        self.posterior_from(training, covariance, hyperparameters, Some(prior), test)
+    }
+
+    fn posterior_from(
+        &self,
+        training: &TrainingSet,
+        covariance: &Covariance,
+        hyperparameters: &[Hyperparameters],
+        prior: Option<Prior<'_>>,
+        test: &Points,
+    ) -> Result<Posterior, GpError> {
         check(training, covariance, hyperparameters)?;
         check_test(training, test)?;
         let (mut means, mut variances) = (Vec::new(), Vec::new());
         let mut jitter: f64 = 0.0;
         let mut storage = Storage::new(training.len());
-        for (class, (targets, own)) in self
+        for (class, (mut targets, own)) in self
             .targets(training)?
-            .iter()
+            .into_iter()
             .zip(hyperparameters)
             .enumerate()
         {
+            if let Some(prior) = prior {
+                prior.training.take_off(class, &mut targets.target);
+            }
             let points = covariance.inputs(training);
-            let conditioned = self.condition(storage, points, targets, own, class)?;
+            let conditioned = self.condition(storage, points, &targets, own, class)?;
             let cross = self.cross_kernel(covariance, own, class);
             let correction = conditioned.predict(&cross, training.points(), test);
-            let mean: Vec<f64> = correction
+            let mut mean: Vec<f64> = correction
                 .mean
                 .iter()
                 .map(|value| own.mean + value)
                 .collect();
+            if let Some(prior) = prior {
+                prior.test.add_to(class, &mut mean);
+            }
             if !mean
                 .iter()
                 .chain(&correction.variance)

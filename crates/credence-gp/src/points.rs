@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use crate::GpError;
+use crate::{GpError, covariance::check_length, hyperparameters::check_scale};
 
 /// Coordinates beyond this have squares near the end of the range of `f64`.
 const LARGEST_COORDINATE: f64 = 1e150;
@@ -70,6 +70,31 @@ impl Points {
     /// Coordinates per point.
     pub const fn dim(&self) -> usize {
         self.dim
+    }
+
+    /// These points with further coordinates, `scale` times those of `features`, so that squared
+    /// distances are |dx|^2 + `scale`^2 |de|^2: an isotropic kernel of lengthscale l on them has
+    /// the lengthscale l / `scale` in the features.
+    ///
+    /// # Errors
+    /// Features of another number of points, a scale that is not positive and finite, a scaled
+    /// feature beyond 1e150.
+    pub fn joined(&self, features: &Self, scale: f64) -> Result<Self, GpError> {
+        check_length("features", features.len, self.len, "point")?;
+        check_scale("the features' scale", scale)?;
+        let scaled: Vec<f64> = features.axes.iter().map(|value| scale * value).collect();
+        if let Some(place) = scaled.iter().position(|v| v.abs() > LARGEST_COORDINATE) {
+            return Err(GpError::Coordinate {
+                name: "features",
+                index: place % self.len,
+                value: scaled[place],
+            });
+        }
+        Ok(Self {
+            axes: [self.axes.as_slice(), &scaled].concat(),
+            len: self.len,
+            dim: self.dim + features.dim,
+        })
     }
 
     /// The points at `indices`, which must exist, in that order.

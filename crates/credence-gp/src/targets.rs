@@ -18,16 +18,24 @@ impl Targets {
     /// s2 = ln(1/a + 1), target y = ln a - s2/2 (Milios et al. 2018, "Dirichlet-based Gaussian
     /// Processes for Large-scale Calibrated Classification", Eqs. 6 and 7).
     pub(crate) fn of_class(labels: &[usize], class: usize, alpha_epsilon: f64) -> Self {
-        let [other, own] = [alpha_epsilon, 1.0 + alpha_epsilon].map(|alpha: f64| {
-            let noise = alpha.recip().ln_1p();
-            (alpha.ln() - noise / 2.0, noise)
-        });
+        let [other, own] = [alpha_epsilon, 1.0 + alpha_epsilon].map(|a| (target(a), noise(a)));
         let (target, noise) = labels
             .iter()
             .map(|&label| if label == class { own } else { other })
             .unzip();
         Self { target, noise }
     }
+}
+
+/// s2 = ln(1/a + 1).
+fn noise(alpha: f64) -> f64 {
+    alpha.recip().ln_1p()
+}
+
+/// y = ln a - s2/2: mean of the logarithm of a Gamma variable of concentration a, approximated as
+/// normal.
+pub(crate) fn target(alpha: f64) -> f64 {
+    alpha.ln() - noise(alpha) / 2.0
 }
 
 /// Range of `alpha_epsilon` in which targets and noise keep their precision.
