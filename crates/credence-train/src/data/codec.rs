@@ -1,0 +1,95 @@
+//! A scene as bytes: fixed-point numbers of 16 bits, little-endian.
+//!
+//! Category (u8), number of object, neighbour, free and query points (u16 each), viewpoint
+//! (3 f32), then the points, three u16 each, in that order, the neighbours' categories (u8) and the
+//! queries' distances (u16).
+
+use credence_types::Category;
+
+use super::Scene;
+
+/// Resolution of coordinates and distances. The sensor's noise is twenty times that.
+const STEP_M: f32 = 5e-5;
+/// Code of coordinate 0; the range is -1.6 m to 1.6 m.
+const ZERO: f32 = 32768.0;
+const HEADER_BYTES: usize = 1 + 4 * 2 + 3 * 4;
+
+/// Appends a scene, its coordinates rounded and cut to the range.
+pub(super) fn encode(scene: &Scene, bytes: &mut Vec<u8>) {
+    let Scene {
+        category,
+        object,
+        neighbours,
+        free,
+        viewpoint,
+        queries,
+        distances_m,
+    } = scene;
+    bytes.push(category.class());
+    for count in [object.len(), neighbours.len(), free.len(), queries.len()] {
+        bytes.extend((count as u16).to_le_bytes());
+    }
+    bytes.extend(viewpoint.iter().flat_map(|c| c.to_le_bytes()));
+    let neighbour_points = neighbours.iter().map(|(point, _)| point);
+    let points = object
+        .iter()
+        .chain(neighbour_points)
+        .chain(free)
+        .chain(queries);
+    let coordinates = points.flatten().map(|c| c / STEP_M + ZERO);
+    // `as` saturates.
+    bytes.extend(coordinates.flat_map(|c| (c.round() as u16).to_le_bytes()));
+    bytes.extend(neighbours.iter().map(|(_, category)| category.class()));
+    let distances = distances_m.iter().map(|d| (d / STEP_M).round() as u16);
+    bytes.extend(distances.flat_map(u16::to_le_bytes));
+}
+
+/// Reads a scene from all of `bytes`; `None` where they are not one.
+pub(super) fn decode(bytes: &[u8]) -> Option<Scene> {
+    let (header, mut rest) = bytes.split_at_checked(HEADER_BYTES)?;
+    let category = Category::from_class(header[0])?;
+    let [object, neighbours, free, queries] =
+        [1, 3, 5, 7].map(|at| usize::from(u16::from_le_bytes([header[at], header[at + 1]])));
+    let viewpoint =
+        [9, 13, 17].map(|at| f32::from_le_bytes([0, 1, 2, 3].map(|byte| header[at + byte])));
+    if rest.len() != 6 * (object + neighbours + free + queries) + neighbours + 2 * queries {
+        return None;
+    }
+    let mut take = |count: usize| {
+        let (taken, left) = rest.split_at(count);
+        rest = left;
+        taken
+    };
+    let object = points(take(6 * object));
+    let neighbour_points = points(take(6 * neighbours));
+    let free = points(take(6 * free));
+    let query_points = points(take(6 * queries));
+    let neighbours = neighbour_points
+        .into_iter()
+        .zip(take(neighbours))
+        .map(|(point, class)| Some((point, Category::from_class(*class)?)))
+        .collect::<Option<_>>()?;
+    let (distances, _) = take(2 * queries).as_chunks::<2>();
+    let distances_m = distances
+        .iter()
+        .map(|code| f32::from(u16::from_le_bytes(*code)) * STEP_M)
+        .collect();
+    Some(Scene {
+        category,
+        object,
+        neighbours,
+        free,
+        viewpoint,
+        queries: query_points,
+        distances_m,
+    })
+}
+
+fn points(bytes: &[u8]) -> Vec<[f32; 3]> {
+    let (points, _) = bytes.as_chunks::<6>();
+    let coordinate = |a, b| (f32::from(u16::from_le_bytes([a, b])) - ZERO) * STEP_M;
+    points
+        .iter()
+        .map(|&[a, b, c, d, e, f]| [coordinate(a, b), coordinate(c, d), coordinate(e, f)])
+        .collect()
+}
