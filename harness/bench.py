@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from harness.config import Config, Override, PipelineCheck, load_config
 from harness.errors import InputError
+from harness.results import tabulate
 from harness.runs.atomic import DiskError
+from harness.runs.confusion import write_confusion
 from harness.runs.directory import CONFIG, RunDirectory, default_folder, open_run
 from harness.runs.job import ObjectModel, SceneJob, object_identity, plan_jobs
 from harness.runs.manifest import core_count
@@ -20,7 +23,6 @@ from harness.runs.records import (
     SceneResult,
     Timing,
     Variant,
-    read_records,
     write_records,
     write_timings,
 )
@@ -28,11 +30,12 @@ from harness.runs.worker import load_target
 from harness.table.flat import render_csv
 from harness.table.latex import render_latex
 from harness.table.markdown import render_markdown
-from harness.table.summary import Table, summarise
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
+
+    from harness.table.summary import Table
 
 QUICK_SCENES = 8
 """Scenes of each class with ``--quick``."""
@@ -198,22 +201,6 @@ def run_bench(
     )
 
 
-def show_run(folder: Path) -> Table:
-    """Read a finished run's table.
-
-    Raises
-    ------
-    InputError
-        The folder holds no run, or an unfinished one.
-    """
-    if not RunDirectory.is_run(folder):
-        raise InputError(f"{folder} holds no run; pass the folder that `harness bench` named")
-    run = RunDirectory(folder)
-    if not run.records_path.exists():
-        raise InputError(f"{folder} is unfinished; finish it with `harness bench --out {folder}`")
-    return _summarise(read_records(run.records_path), config=run.config())
-
-
 def resolve_config(options: BenchOptions, *, check_pipeline: PipelineCheck | None) -> Config:
     """Turn a person's options into a configuration."""
     if options.quick and options.scenes is not None:
@@ -237,8 +224,9 @@ def resolve_config(options: BenchOptions, *, check_pipeline: PipelineCheck | Non
     )
 
 
-def scene_problem(records: Sequence[Record], job: SceneJob) -> str | None:
-    """Say what is wrong with the records that a scene function returned."""
+def scene_problem(result: SceneResult, job: SceneJob) -> str | None:
+    """Say what is wrong with the result that a scene function returned."""
+    records = result.records
     if not records:
         return "the scene function returned no record"
     keys = [record.key() for record in records]
@@ -246,6 +234,12 @@ def scene_problem(records: Sequence[Record], job: SceneJob) -> str | None:
         return "the scene function returned two records of one model, completion and tolerance"
     if any((row.scene_id, row.seed) != (job.scene_id, job.seed) for row in records):
         return "the scene function returned another scene's records"
+    points: Counter[tuple[str, str, float]] = Counter()
+    for row in result.confusion:
+        points[row.result()] += row.points
+    stated = {(row.model, row.completion, row.tolerance_m): row.test_points for row in records}
+    if points != stated or any(row.scene_id != job.scene_id for row in result.confusion):
+        return "the scene function's confusion does not count the test points of its records"
     return None
 
 
@@ -258,7 +252,7 @@ def compute_scenes(
     scene_function: str,
     progress: Progress,
     resume: str,
-    problem_of: Callable[[Sequence[Record], SceneJob], str | None] = scene_problem,
+    problem_of: Callable[[SceneResult, SceneJob], str | None] = scene_problem,
 ) -> dict[str, str]:
     """Compute on workers the scenes that are not finished.
 
@@ -273,7 +267,7 @@ def compute_scenes(
     resume
         The command that continues the run, for the message of an interruption.
     problem_of
-        Says what is wrong with a scene's records, None where nothing is.
+        Says what is wrong with a scene's result, None where nothing is.
 
     Returns
     -------
@@ -298,7 +292,7 @@ def compute_scenes(
                 match event:
                     case SceneDone(job=job, seconds=seconds) as done:
                         result = _with_timing(done)
-                        if problem := problem_of(result.records, job):
+                        if problem := problem_of(result, job):
                             failures[job.scene_id] = problem
                             progress.scene_failed(job.scene_id, problem)
                             continue
@@ -331,7 +325,7 @@ def _with_timing(done: SceneDone) -> SceneResult:
         peak_memory_mib=done.peak_memory_mib,
     )
     stages = [timing for timing in done.result.timings if timing.stage != whole.stage]
-    return SceneResult(done.result.records, [*stages, whole])
+    return replace(done.result, timings=[*stages, whole])
 
 
 def failed_records(
@@ -366,23 +360,17 @@ def conclude_run(
     *,
     config: Config,
 ) -> Table:
-    """Write records, timings and tables of all scenes, finished and lost."""
+    """Write records, confusion, timings and tables of all scenes, finished and lost."""
     records = [*(record for result in finished.values() for record in result.records), *lost]
     write_records(records, run.records_path)
+    write_confusion(
+        [row for result in finished.values() for row in result.confusion], run.confusion_path
+    )
     write_timings(
         [timing for result in finished.values() for timing in result.timings], run.timings_path
     )
-    table = _summarise(records, config=config)
+    table = tabulate(records, config=config)
     run.write_tables(
         {"md": render_markdown(table), "csv": render_csv(table), "tex": render_latex(table)}
     )
     return table
-
-
-def _summarise(records: Sequence[Record], *, config: Config) -> Table:
-    return summarise(
-        records,
-        reported_tolerance_m=config.protocol.reported_tolerance_m,
-        classes=config.run.classes,
-        seed=config.run.seed,
-    )

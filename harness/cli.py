@@ -5,34 +5,40 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.console import Console
 from rich.progress import Progress as ProgressBar
 
+from harness import cli_data, cli_study
 from harness.bench import (
     QUICK_SCENES,
     BenchOptions,
     RunInterruptedError,
     Wiring,
     run_bench,
-    show_run,
+)
+from harness.cli_parts import (
+    EXIT_BAD_INPUT,
+    EXIT_FAILED,
+    EXIT_INTERRUPTED,
+    EXIT_OK,
+    number_option,
+    print_line,
+    stdout,
 )
 from harness.errors import InputError
+from harness.results import is_cluttered, show_confusion, show_run
 from harness.runs.progress import ConsoleProgress
-from harness.table.terminal import render_terminal
+from harness.table.brief import render_brief
+from harness.table.confusion import render_confusion
+from harness.table.terminal import render_full
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-EXIT_OK = 0
-EXIT_FAILED = 1
-EXIT_BAD_INPUT = 2
-EXIT_INTERRUPTED = 130
-
-UNBOUNDED_WIDTH = 160
-"""Columns of a table that goes into a file or a pipe."""
+    from harness.table.summary import Table
 
 app = typer.Typer(
     name="harness",
@@ -42,21 +48,11 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+for part in (cli_data.commands, cli_study.commands):
+    app.registered_commands += part.registered_commands
 
 wiring = Wiring()
 """What the commands run on."""
-
-
-def _whole_number(text: str) -> int:
-    try:
-        return int(text)
-    except ValueError:
-        raise typer.BadParameter(f"'{text}' is not a whole number; pass one such as 8") from None
-
-
-def _number(help_text: str, *names: str) -> Any:
-    """Option for a whole number, which names the value that is none."""
-    return typer.Option(*names, parser=_whole_number, metavar="N", help=help_text)
 
 
 @app.command(
@@ -75,13 +71,14 @@ def bench(
         bool, typer.Option("--quick", help=f"{QUICK_SCENES} scenes of each class instead of 16.")
     ] = False,
     scenes: Annotated[
-        int | None, _number("Scenes of each class; the first of a longer run's.")
+        int | None, number_option("Scenes of each class; the first of a longer run's.")
     ] = None,
     seed: Annotated[
-        int | None, _number("Same seed, same configuration: same records, bit for bit.")
+        int | None, number_option("Same seed, same configuration: same records, bit for bit.")
     ] = None,
     workers: Annotated[
-        int | None, _number("Worker processes, by default one per core; no result depends on it.")
+        int | None,
+        number_option("Worker processes, by default one per core; no result depends on it."),
     ] = None,
     objects: Annotated[
         Path | None,
@@ -121,30 +118,51 @@ def bench(
         progress=ConsoleProgress(Console(stderr=True)),
         wiring=wiring,
     )
-    console = _stdout()
-    console.print(render_terminal(result.table, width=console.width))
+    _print_run(result.folder, result.table)
     failed = ""
     if result.failures:
         failed = f", {len(result.failures)} failed (tracebacks: {result.folder / 'logs'}),"
-    console.print(
+    print_line(
         f"{result.scenes} scenes{failed} in {result.seconds:.0f} s; written to {result.folder} "
-        f"(records.parquet, table.md, table.csv, table.tex)",
-        highlight=False,
-        soft_wrap=True,
-        markup=False,
+        "(table.md, table.csv and table.tex have all of it; records.parquet, confusion.parquet)"
     )
     return EXIT_FAILED if result.all_failed else EXIT_OK
 
 
-@app.command(epilog="Example:  [cyan]harness show results/RUN[/cyan]")
+@app.command(
+    epilog=(
+        "[bold]Examples[/bold]\n\n"
+        "A run's table again:  [cyan]harness show results/RUN[/cyan]\n\n"
+        "With intervals, every metric and tolerance:  [cyan]harness show results/RUN --all[/cyan]"
+    )
+)
 def show(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a finished run.")],
+    *,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Intervals, all metrics and all tolerances.")
+    ] = False,
+    confusion: Annotated[
+        bool,
+        typer.Option(
+            "--confusion",
+            help="Which categories are taken for which; always shown of cluttered scenes.",
+        ),
+    ] = False,
 ) -> int:
     """Print a run's table again."""
-    table = show_run(run)
-    console = _stdout()
-    console.print(render_terminal(table, width=console.width))
+    _print_run(run, show_run(run), everything=everything, confusion=confusion)
     return EXIT_OK
+
+
+def _print_run(
+    folder: Path, table: Table, *, everything: bool = False, confusion: bool = False
+) -> None:
+    console = stdout()
+    render = render_full if everything else render_brief
+    console.print(render(table, width=console.width))
+    if confusion or is_cluttered(folder):
+        console.print(render_confusion(show_confusion(folder)))
 
 
 @app.command(
@@ -161,9 +179,9 @@ def assets(
         Literal["train", "validation", "test"],
         typer.Option(help="Splits never share a parameter draw."),
     ] = "train",
-    seed: Annotated[int, _number("Same seed: same files, byte for byte.")] = 0,
+    seed: Annotated[int, number_option("Same seed: same files, byte for byte.")] = 0,
     count: Annotated[
-        int, _number("Meshes of each of the six categories.", "--count", "--per-category")
+        int, number_option("Meshes of each of the six categories.", "--count", "--per-category")
     ] = 10,
     benchmark: Annotated[
         bool,
@@ -187,7 +205,7 @@ def assets(
             )
         except (ValueError, OSError) as error:
             raise InputError(str(error)) from error
-    _stdout().print(f"{len(records)} meshes in {out}", highlight=False, markup=False)
+    print_line(f"{len(records)} meshes in {out}")
     return EXIT_OK
 
 
@@ -211,7 +229,7 @@ def render(
     cluttered: Annotated[
         bool, typer.Option("--cluttered", help="Put other objects around the target.")
     ] = False,
-    seed: Annotated[int | None, _number("Seed of the run.")] = None,
+    seed: Annotated[int | None, number_option("Seed of the run.")] = None,
     objects: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder of meshes with a manifest.json.")
     ] = None,
@@ -228,111 +246,10 @@ def render(
             scene=scene, cluttered=cluttered, seed=seed, objects=objects, out=out, config=config
         )
     )
-    _stdout().print(
-        f"{len(pictures.files)} pictures in {pictures.folder}; all in one: {pictures.montage}",
-        highlight=False,
-        soft_wrap=True,
-        markup=False,
+    print_line(
+        f"{len(pictures.files)} pictures in {pictures.folder}; all in one: {pictures.montage}"
     )
     return EXIT_OK
-
-
-@app.command(
-    epilog=(
-        "[bold]Examples[/bold]\n\n"
-        "The scenes of the default benchmark:  [cyan]harness export --out data/tabletop[/cyan]\n\n"
-        "The records they give:  [cyan]harness run data/tabletop[/cyan]\n\n"
-        "Exit codes: 0 done, 1 no scene could be simulated, 2 bad input, 130 interrupted."
-    )
-)
-def export(
-    *,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Root of the new dataset.")],
-    scenes: Annotated[int | None, _number("Scenes of each class.")] = None,
-    seed: Annotated[int | None, _number("Seed of the run.")] = None,
-    objects: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder of meshes with a manifest.json.")
-    ] = None,
-    config: Annotated[Path | None, typer.Option(metavar="FILE", help="TOML, as for bench.")] = None,
-    cluttered: Annotated[
-        bool, typer.Option("--cluttered", help="Put other objects around the targets.")
-    ] = False,
-) -> int:
-    """Write a run's scenes as a BOP dataset, from which `run` gets the same records."""
-    from harness.dataset_export import ExportOptions, run_export
-
-    progress = ConsoleProgress(Console(stderr=True), folder_name="dataset")
-    result = run_export(
-        ExportOptions(
-            out=out, scenes=scenes, seed=seed, objects=objects, config=config, cluttered=cluttered
-        ),
-        progress=progress,
-    )
-    for note in result.notes:
-        progress.note(note)
-    if result.all_failed:
-        _line(f"none of {result.scenes} scenes could be simulated; nothing was written")
-        return EXIT_FAILED
-    failed = f" ({len(result.failures)} could not be simulated)" if result.failures else ""
-    written = result.scenes - len(result.failures)
-    _line(f"{written} scenes{failed} in {result.seconds:.0f} s; written to {result.folder}")
-    return EXIT_OK
-
-
-@app.command(
-    epilog=(
-        "[bold]Examples[/bold]\n\n"
-        "What `harness export` wrote:  [cyan]harness run data/tabletop[/cyan]\n\n"
-        "One split of a foreign dataset:  [cyan]harness run ycbv/test --config wide.toml[/cyan]\n\n"
-        "Masks without a category:  [cyan]harness run mugs --category mug[/cyan]\n\n"
-        "Categories are read from the key `category` of models_info.json.\n\n"
-        "Exit codes: 0 done, 1 no scene could be run, 2 bad input, 130 interrupted."
-    )
-)
-def run(
-    dataset: Annotated[
-        Path, typer.Argument(metavar="DATASET", help="Root of a BOP dataset or of one split.")
-    ],
-    *,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="RUN", help="Folder to write, by default results/TIME-HASH."),
-    ] = None,
-    config: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="TOML, as for bench; by default the dataset's own."),
-    ] = None,
-    seed: Annotated[
-        int | None, _number("Seed of foreign scenes; simulated ones keep theirs.")
-    ] = None,
-    workers: Annotated[int | None, _number("Worker processes, by default one per core.")] = None,
-    category: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Category of the objects that the dataset gives none."),
-    ] = None,
-) -> int:
-    """Map, classify and score a BOP dataset; what has no truth is mapped without scores."""
-    from harness.dataset_run import DatasetOptions, run_dataset
-
-    progress = ConsoleProgress(Console(stderr=True))
-    result = run_dataset(
-        DatasetOptions(
-            dataset=dataset, out=out, config=config, seed=seed, workers=workers, category=category
-        ),
-        progress=progress,
-    )
-    for item in result.unscored:
-        progress.note(f"{item.scene_id} {item.outcome}: {item.reason}")
-    console = _stdout()
-    if result.table.rows:
-        console.print(render_terminal(result.table, width=console.width))
-    mapped, skipped, failed = map(result.count, ("mapped", "skipped", "failed"))
-    _line(
-        f"{result.scored} targets scored, {len(result.failures) + failed} failed; without scores: "
-        f"{mapped} scenes mapped, {skipped} skipped; in {result.seconds:.0f} s; "
-        f"written to {result.folder}"
-    )
-    return EXIT_FAILED if result.nothing_ran else EXIT_OK
 
 
 def check_python(version: tuple[int, int]) -> None:
@@ -388,14 +305,3 @@ def _fail_to_write(error: OSError) -> int:
         f"cannot read or write {where}: {error.strerror or error}; check the path and the disk",
         EXIT_BAD_INPUT,
     )
-
-
-def _line(text: str) -> None:
-    _stdout().print(text, highlight=False, soft_wrap=True, markup=False)
-
-
-def _stdout() -> Console:
-    console = Console()
-    if not console.is_terminal:
-        console.width = UNBOUNDED_WIDTH
-    return console

@@ -26,6 +26,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from harness.errors import InputError
 
 Category = Literal["bottle", "bowl", "camera", "can", "laptop", "mug"]
+TestSet = Literal["box", "perturbed"]
 PositiveFloat = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 PipelineCheck = Callable[[str], str]
 
@@ -106,7 +107,16 @@ class ProtocolSection(Section):
     Training points belong to the pipeline: ``[pipeline.training]``.
     """
 
-    test_points: int = Field(default=1000, ge=1, description="Test points.")
+    test_sets: tuple[TestSet, ...] = Field(
+        default=("box", "perturbed"),
+        min_length=1,
+        strict=False,
+        description=(
+            "How test points are drawn: 'box', evenly in the target's true box; 'perturbed', on a "
+            "wrong instance of it, in place of a shape completion."
+        ),
+    )
+    test_points: int = Field(default=1000, ge=1, description="Test points of each test set.")
     tolerances_m: tuple[PositiveFloat, ...] = Field(
         default=(0.0025, 0.005, 0.01),
         min_length=1,
@@ -116,6 +126,12 @@ class ProtocolSection(Section):
     reported_tolerance_m: PositiveFloat = Field(
         default=0.005, description="The one of tolerances_m that the main table reports, metres."
     )
+
+    @model_validator(mode="after")
+    def _test_sets_once(self) -> ProtocolSection:
+        if len(set(self.test_sets)) < len(self.test_sets):
+            raise ValueError(f"test_sets {list(self.test_sets)} names a set twice; list each once")
+        return self
 
     @model_validator(mode="after")
     def _reported_is_swept(self) -> ProtocolSection:
@@ -217,13 +233,21 @@ def load_config(
     return config.model_copy(update={"pipeline": json.loads(whole)})
 
 
-def differing_keys(*, ours: Config, theirs: Config) -> list[str]:
-    """Keys whose values differ and change the records, as ``key: ours, theirs`` by value."""
+def differing_values(*, ours: Config, theirs: Config) -> list[tuple[str, Any, Any]]:
+    """Keys whose values differ and change the records, with our value and theirs."""
     mine, other = ours.identity(), theirs.identity()
     return [
-        f"{key} ({other.get(key, 'unset')} there, {mine.get(key, 'unset')} asked)"
+        (key, mine.get(key, "unset"), other.get(key, "unset"))
         for key in sorted(mine.keys() | other.keys())
         if mine.get(key) != other.get(key)
+    ]
+
+
+def differing_keys(*, ours: Config, theirs: Config) -> list[str]:
+    """Keys whose values differ and change the records, in words for one who asks with ours."""
+    return [
+        f"{key} ({there} there, {asked} asked)"
+        for key, asked, there in differing_values(ours=ours, theirs=theirs)
     ]
 
 

@@ -42,7 +42,8 @@ from harness.native import CLASS_NAMES
 from harness.runs.atomic import write_text
 from harness.runs.directory import CONFIG, RunDirectory, default_folder, open_run
 from harness.runs.progress import Progress, SilentProgress
-from harness.runs.records import SceneResult, write_parquet
+from harness.runs.records import SceneResult
+from harness.runs.tabular import write_parquet
 from harness.scene_run import StageClock, evaluate_scene, map_scene
 from sim_scenes import BopError, open_bop
 from sim_scenes.streams import stream
@@ -53,7 +54,6 @@ if TYPE_CHECKING:
 
     from harness.native import MappedObject, Pipeline
     from harness.runs.job import SceneJob
-    from harness.runs.records import Record
     from harness.table.summary import Table
     from sim_scenes import BopDataset, Scene
 
@@ -195,8 +195,7 @@ def run_job(job: DatasetJob, config: Config) -> SceneResult:
         return SceneResult(records=[], timings=clock.timings)
     first = sorted(scene.objects, key=lambda item: item.instance_id != job.instance_id)
     scene = replace(scene, objects=tuple(first))
-    records = evaluate_scene(scene, job=job, config=config, clock=clock)
-    return SceneResult(records=records, timings=clock.timings)
+    return evaluate_scene(scene, job=job, config=config, clock=clock)
 
 
 def _configuration(options: DatasetOptions, dataset: BopDataset) -> Config:
@@ -214,9 +213,9 @@ def _configuration(options: DatasetOptions, dataset: BopDataset) -> Config:
     return load_config(path, overrides=overrides)
 
 
-def _problem(records: Sequence[Record], job: SceneJob) -> str | None:
+def _problem(result: SceneResult, job: SceneJob) -> str | None:
     mapped_only = isinstance(job, DatasetJob) and job.instance_id is None
-    return None if mapped_only else scene_problem(records, job)
+    return None if mapped_only else scene_problem(result, job)
 
 
 def _write_map(scene: Scene, *, job: DatasetJob, config: Config, clock: StageClock) -> None:

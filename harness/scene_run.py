@@ -4,27 +4,25 @@ from __future__ import annotations
 
 import time
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any, cast
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harness.native import CLASS_NAMES, MeshTruth, Pipeline, binary_metrics, nearest_observation
-from harness.protocol import box_test_points, true_categories
+from harness.native import MeshTruth, Pipeline, nearest_observation
+from harness.protocol import COMPLETIONS, draw_test_points, true_categories
 from harness.runs.records import Record, SceneResult, Timing, Variant
+from harness.scoring import Answers, confusion, score
 from sim_scenes import DepthNoise, SceneSpec, load_object_set, simulate
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    import numpy.typing as npt
-
     from harness.config import Config
-    from harness.native import MappedObject, Predictions, TrainingSet
+    from harness.native import MappedObject
+    from harness.runs.confusion import Confusion
     from harness.runs.job import SceneJob
     from sim_scenes import Scene, SceneObject
-
-COMPLETION = "none"
 
 
 class SceneFailure(Exception):
@@ -69,7 +67,8 @@ def variants(config: Config) -> list[Variant]:
     """List what every scene compares: the rows that a failed scene leaves empty."""
     pipeline = Pipeline(config.pipeline_json())
     return [
-        Variant(model=model, completion=COMPLETION, segmenter=pipeline.segmenter)
+        Variant(model=model, completion=COMPLETIONS[test_set], segmenter=pipeline.segmenter)
+        for test_set in config.protocol.test_sets
         for model in pipeline.models
     ]
 
@@ -93,13 +92,13 @@ def run_scene(job: SceneJob, config: Config) -> SceneResult:
     Returns
     -------
     result
-        One record per model and tolerance, and the time that each stage took.
+        One record per model, test set and tolerance, the confusions, and the time that each stage
+        took.
     """
     clock = StageClock(job.scene_id)
     with clock.stage("render"):
         scene = simulate_job(job, config)
-    records = evaluate_scene(scene, job=job, config=config, clock=clock)
-    return SceneResult(records=records, timings=clock.timings)
+    return evaluate_scene(scene, job=job, config=config, clock=clock)
 
 
 def map_scene(scene: Scene, *, config: Config) -> Pipeline:
@@ -120,8 +119,10 @@ def map_scene(scene: Scene, *, config: Config) -> Pipeline:
 
 def evaluate_scene(
     scene: Scene, *, job: SceneJob, config: Config, clock: StageClock
-) -> list[Record]:
+) -> SceneResult:
     """Map a scene, classify the target's test points with every model, and score them.
+
+    A model is asked once about the points of all test sets, so that it learns once.
 
     Parameters
     ----------
@@ -131,6 +132,11 @@ def evaluate_scene(
         What the records say of themselves, and the protocol.
     clock
         Takes the time of every stage.
+
+    Returns
+    -------
+    result
+        One record per model, test set and tolerance, the confusions, and the clock's timings.
 
     Raises
     ------
@@ -142,44 +148,59 @@ def evaluate_scene(
     pipeline = map_scene(scene, config=config)
     mapped = find_mapped(pipeline.objects(), target)
     training = pipeline.training_set(mapped.id, seed=job.seed)
-    test_points = box_test_points(target, count=protocol.test_points, seed=job.seed)
-
+    test_points = np.concatenate(
+        [
+            draw_test_points(target, test_set=name, count=protocol.test_points, seed=job.seed)
+            for name in protocol.test_sets
+        ]
+    )
     with clock.stage("truth"):
         distances_m = np.stack([mesh_truth(item).distances(test_points) for item in scene.objects])
     data_distance_m = nearest_observation(points=test_points, observed=training.points_world)
 
-    records = []
+    records: list[Record] = []
+    confusions: list[Confusion] = []
     for model in pipeline.models:
         predictions = pipeline.classify(mapped.id, training, test_points, model=model)
         if model == pipeline.models[0]:
             pipeline.annotate(mapped.id, test_points, predictions)
         with clock.stage("score", model=model):
-            records += [
-                score(
-                    predictions,
-                    truth=true_categories(distances_m, scene.objects, tolerance_m=tolerance_m)
-                    == target.category,
-                    data_distance_m=data_distance_m,
-                    target=target,
-                    training=training,
-                    identity={
+            for number, test_set in enumerate(protocol.test_sets):
+                part = slice(number * protocol.test_points, (number + 1) * protocol.test_points)
+                answers = Answers(predictions, part)
+                for tolerance_m in protocol.tolerances_m:
+                    true = true_categories(
+                        distances_m[:, part], scene.objects, tolerance_m=tolerance_m
+                    )
+                    result = {
                         "scene_id": job.scene_id,
-                        "category": target.category,
-                        "object_name": target.name,
-                        "seed": job.seed,
                         "model": model,
-                        "completion": COMPLETION,
-                        "segmenter": pipeline.segmenter,
-                        "views": len(scene.frames),
+                        "completion": COMPLETIONS[test_set],
                         "tolerance_m": tolerance_m,
-                        "redraws": scene.redraw_count,
-                    },
-                )
-                for tolerance_m in protocol.tolerances_m
-            ]
+                    }
+                    confusions += confusion(answers, true=true, identity=result)
+                    records.append(
+                        score(
+                            answers,
+                            truth=true == target.category,
+                            data_distance_m=data_distance_m[part],
+                            target=target,
+                            item=mapped,
+                            training=training,
+                            identity={
+                                **result,
+                                "category": target.category,
+                                "object_name": target.name,
+                                "seed": job.seed,
+                                "segmenter": pipeline.segmenter,
+                                "views": len(scene.frames),
+                                "redraws": scene.redraw_count,
+                            },
+                        )
+                    )
     for stage, of_model, seconds in pipeline.timings():
         clock.add(stage, seconds, model=of_model)
-    return records
+    return SceneResult(records=records, timings=clock.timings, confusion=confusions)
 
 
 def mesh_truth(item: SceneObject) -> MeshTruth:
@@ -202,77 +223,3 @@ def find_mapped(mapped: list[MappedObject], target: SceneObject) -> MappedObject
         nearest = f"the nearest is {min(offsets_m):.3f} m off" if mapped else "it is empty"
         raise SceneFailure(f"the map holds no object where {target.name} stands: {nearest}")
     return mapped[int(np.argmin(offsets_m))]
-
-
-def score(
-    predictions: Predictions,
-    *,
-    truth: npt.NDArray[np.bool_],
-    data_distance_m: npt.NDArray[np.float64],
-    target: SceneObject,
-    training: TrainingSet,
-    identity: dict[str, Any],
-) -> Record:
-    """Score one model's predictions at one tolerance.
-
-    The metrics of ranking and calibration judge the classifier alone, by its raw probability of
-    the target's category. Decisions are ranked by the confidence, that probability times the
-    segmenter's score. Under the oracle, whose score is 1, the two are the same numbers.
-
-    Parameters
-    ----------
-    predictions
-        Of the test points.
-    truth : (n,) bool
-        Whether each point lies on an object of the target's category.
-    data_distance_m : (n,) float64
-        Distance of each point to the nearest training point, metres.
-    target
-        The object asked about.
-    training
-        What the model learned from.
-    identity
-        The fields of the record that say which result it is.
-    """
-    target_class = CLASS_NAMES.index(target.category)
-    predicted = predictions.classes == target_class
-    decision = np.where(predicted, predictions.confidence, 1.0 - predictions.confidence)
-    metrics = binary_metrics(
-        predicted=predicted,
-        truth=truth,
-        probability=category_probability(predictions, target.category),
-        decision_confidence=decision,
-    )
-    aurc_by_score, aurc_by_nearness = (
-        binary_metrics(predicted=predicted, truth=truth, decision_confidence=ranking)["aurc"]
-        for ranking in (predictions.score, -data_distance_m)
-    )
-    names = {item.name for item in fields(Record)}
-    # A map that takes the target for something else has no process of its category.
-    object_process = predictions.hyperparameters.get(target.category)
-    free_process = predictions.hyperparameters["free"]
-    return Record(
-        **identity,
-        **cast("dict[str, Any]", {name: metrics[name] for name in metrics.keys() & names}),
-        nearest_aurc=aurc_by_nearness,
-        score_aurc=aurc_by_score,
-        test_points=len(truth),
-        object_training_points=int(np.count_nonzero(training.classes == target_class)),
-        free_training_points=int(np.count_nonzero(training.classes == 0)),
-        clamped_share=predictions.clamped_share,
-        jitter=predictions.jitter,
-        fits_unconverged=predictions.fits_unconverged,
-        fits_at_bound=predictions.fits_at_bound,
-        lengthscale_m=object_process.lengthscale_m if object_process else None,
-        outputscale=object_process.outputscale if object_process else None,
-        lengthscale_free_m=free_process.lengthscale_m,
-        outputscale_free=free_process.outputscale,
-    )
-
-
-def category_probability(predictions: Predictions, category: str) -> npt.NDArray[np.float64]:
-    """Probability (n,) of a category at each point; 0 where the classifier does not know it."""
-    if category not in predictions.class_names:
-        return np.zeros(len(predictions.probabilities))
-    column = predictions.class_names.index(category)
-    return np.ascontiguousarray(predictions.probabilities[:, column])

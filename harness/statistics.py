@@ -8,6 +8,7 @@ would promise a precision that is not there.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from statistics import NormalDist
 
 import numpy as np
@@ -110,8 +111,7 @@ def bootstrap_interval(
     rounding = 1e-12 * np.abs(values).max()
     if np.abs(sums / sizes - mean).max() <= rounding:
         return float(mean), float(mean)
-    rng = np.random.Generator(np.random.Philox(seed))
-    drawn = rng.integers(count, size=(resamples, count))
+    drawn = _draw(seed=seed, count=count, resamples=resamples)
     means = sums[drawn].sum(axis=1) / sizes[drawn].sum(axis=1)
     # Ties count half, as many scenes share a value such as a recall of 1.
     less = np.count_nonzero(means < mean - rounding)
@@ -127,3 +127,10 @@ def bootstrap_interval(
         shares.append(normal.cdf(z0 + z / (1.0 - acceleration * z)))
     low, high = np.quantile(means, shares)
     return float(low), float(high)
+
+
+@lru_cache(maxsize=8)
+def _draw(*, seed: int, count: int, resamples: int) -> npt.NDArray[np.int64]:
+    """Objects (resamples, count) of each resample; the cells of a table draw the same ones."""
+    rng = np.random.Generator(np.random.Philox(seed))
+    return rng.integers(count, size=(resamples, count))

@@ -9,6 +9,7 @@
                         it again
       logs/             what workers printed, and tracebacks
       records.parquet   one row per scene, model, completion and tolerance
+      confusion.parquet one row per scene, model, completion, tolerance, true and predicted category
       timings.parquet   one row per scene and stage
       table.md, table.csv, table.tex
 
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
 MANIFEST = "manifest.json"
 CONFIG = "config.toml"
 RECORDS = "records.parquet"
+CONFUSION = "confusion.parquet"
 TIMINGS = "timings.parquet"
 
 _MANIFEST_TYPES = {"schema_version": int, "config": dict, "objects": list, "sessions": list}
@@ -67,6 +69,7 @@ class RunDirectory:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.records_path = folder / RECORDS
+        self.confusion_path = folder / CONFUSION
         self.timings_path = folder / TIMINGS
         self.logs = folder / "logs"
         self._scenes = folder / "scenes"

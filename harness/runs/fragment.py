@@ -1,6 +1,7 @@
 """A finished scene on disk: one JSON file, whose first line vouches for the second.
 
-Line 1 holds the schema version and the sha256 of line 2; line 2 holds records and timings.
+Line 1 holds the schema version and the sha256 of line 2; line 2 holds records, timings and
+confusion.
 Python writes a float so that it reads back as the same bits.
 """
 
@@ -12,6 +13,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from harness.runs.atomic import write_text
+from harness.runs.confusion import Confusion
 from harness.runs.records import SCHEMA_VERSION, Record, SceneResult, Timing
 
 if TYPE_CHECKING:
@@ -30,6 +32,7 @@ def write_fragment(path: Path, result: SceneResult) -> None:
         {
             "records": [asdict(record) for record in result.records],
             "timings": [asdict(timing) for timing in result.timings],
+            "confusion": [asdict(row) for row in result.confusion],
         },
         allow_nan=False,
     )
@@ -57,6 +60,7 @@ def read_fragment(path: Path, *, job: SceneJob) -> SceneResult:
         result = SceneResult(
             records=[Record(**row) for row in content["records"]],
             timings=[Timing(**row) for row in content["timings"]],
+            confusion=[Confusion(**row) for row in content["confusion"]],
         )
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise DamagedFragmentError(f"{type(error).__name__}: {error}") from None

@@ -6,23 +6,19 @@ of the same configuration must be the same bytes.
 
 from __future__ import annotations
 
-import io
-import math
-from dataclasses import asdict, dataclass, field, fields
-from typing import TYPE_CHECKING, Self, get_type_hints
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Self
 
-import polars as pl
-
-from harness.errors import InputError
-from harness.runs.atomic import write_atomically
+from harness.runs.tabular import check_types, read_rows, schema_of, write_rows
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
+    from harness.runs.confusion import Confusion
     from harness.runs.job import SceneJob
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 """Counts up with every change of a column's name, type or meaning."""
 
 METRICS = (
@@ -35,8 +31,11 @@ METRICS = (
     "average_precision",
     "ece",
     "ece_equal_mass",
+    "ece_recalibrated",
     "brier",
+    "brier_recalibrated",
     "nll",
+    "log_loss",
     "aurc",
     "excess_aurc",
     "random_aurc",
@@ -51,16 +50,17 @@ COUNTS = ("tp", "tn", "fp", "fn")
 """Fields of a record that count test points."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, order=True)
 class Variant:
     """What is compared on every scene: a row of the table.
 
     Attributes
     ----------
     model
-        Classifier: ``classic``, ``metric_literal`` or ``metric``.
+        Classifier, such as ``classic``.
     completion
-        Shape completion; ``none`` draws the test points in the object's true box.
+        Shape completion that the test points come from; ``none`` draws them in the object's true
+        box, ``perturbed`` stands for one by a wrong instance.
     segmenter
         Source of the instance masks; ``oracle`` is the simulator's truth.
     """
@@ -89,6 +89,13 @@ class Record:
         Training points of the target's category, and of free space; neighbours have the rest.
     tp, tn, fp, fn
         Test points by prediction and truth.
+    base_rate
+        Share of the test points that lie on the mesh.
+    ece, ece_equal_mass, brier, nll, log_loss
+        Of the raw probability; `log_loss` is the negative log-likelihood of a probability clipped
+        to 1e-6 from 0 and 1, by which hyperparameters are chosen.
+    ece_recalibrated, brier_recalibrated
+        Of the recalibrated probability; null where the map takes the target for something else.
     random_aurc, nearest_aurc
         AURC of the same decisions in random order, and ranked by closeness to the nearest training
         point: what a confidence must beat.
@@ -96,13 +103,18 @@ class Record:
         AURC of the seed's min-max score (its Eqs. 2 and 3).
     clamped_share
         Share of test points whose variance was negative and clamped; 0 for a sound covariance.
+    gate
+        Weight of the metric model against the classic one that it falls back to, in [0, 1]; null
+        where a model has no gate.
+    ood
+        How far the observation lies from what the network has seen; null where a model gives none.
     jitter
         Value added to the covariance's diagonal to factorise it.
     fits_unconverged, fits_at_bound
         Number of processes whose fit stopped before it converged, and of those with a
         hyperparameter at the bound of its range.
     lengthscale_m, outputscale, lengthscale_free_m, outputscale_free
-        Fitted hyperparameters of the object's and of the free-space process.
+        Hyperparameters of the object's and of the free-space process; null where a model has none.
     """
 
     scene_id: str
@@ -124,6 +136,7 @@ class Record:
     tn: int | None = None
     fp: int | None = None
     fn: int | None = None
+    base_rate: float | None = None
     precision: float | None = None
     recall: float | None = None
     f1: float | None = None
@@ -133,8 +146,11 @@ class Record:
     average_precision: float | None = None
     ece: float | None = None
     ece_equal_mass: float | None = None
+    ece_recalibrated: float | None = None
     brier: float | None = None
+    brier_recalibrated: float | None = None
     nll: float | None = None
+    log_loss: float | None = None
     aurc: float | None = None
     excess_aurc: float | None = None
     random_aurc: float | None = None
@@ -143,6 +159,8 @@ class Record:
     risk_at_80: float | None = None
     score_aurc: float | None = None
     clamped_share: float | None = None
+    gate: float | None = None
+    ood: float | None = None
     jitter: float | None = None
     fits_unconverged: int | None = None
     fits_at_bound: int | None = None
@@ -152,7 +170,7 @@ class Record:
     outputscale_free: float | None = None
 
     def __post_init__(self) -> None:
-        _check_types(self)
+        check_types(self)
         where = f"record of {self.scene_id}, {self.model}, {self.tolerance_m} m"
         if self.status not in ("ok", "failed"):
             raise ValueError(f"{where}: status '{self.status}' is neither 'ok' nor 'failed'")
@@ -219,7 +237,7 @@ class Timing:
     peak_memory_mib: float | None = None
 
     def __post_init__(self) -> None:
-        _check_types(self)
+        check_types(self)
 
 
 @dataclass(frozen=True)
@@ -228,56 +246,22 @@ class SceneResult:
 
     records: list[Record]
     timings: list[Timing] = field(default_factory=list)
+    confusion: list[Confusion] = field(default_factory=list)
 
 
-def _check_types(row: Record | Timing) -> None:
-    """Refuse what Parquet would store as something else: NaN, infinities, numpy scalars."""
-    for name, (kind, nullable) in _COLUMN_TYPES[type(row)].items():
-        value: object = getattr(row, name)
-        if value is None and nullable:
-            continue
-        if type(value) is not kind:
-            raise ValueError(
-                f"{row.scene_id}: {name} is {value!r} of type {type(value).__name__}; "
-                f"it must be {kind.__name__}"
-            )
-        if isinstance(value, float) and not math.isfinite(value):
-            raise ValueError(f"{row.scene_id}: {name} is {value}; an undefined value is None")
-
-
-def _column_types(row: type[Record | Timing]) -> dict[str, tuple[type, bool]]:
-    hints = get_type_hints(row)
-    types = {}
-    for item in fields(row):
-        options = getattr(hints[item.name], "__args__", (hints[item.name],))
-        types[item.name] = (options[0], type(None) in options)
-    return types
-
-
-_COLUMN_TYPES: dict[type, dict[str, tuple[type, bool]]] = {
-    row: _column_types(row) for row in (Record, Timing)
-}
-_PARQUET_TYPES: dict[type, pl.DataType] = {str: pl.String(), int: pl.Int64(), float: pl.Float64()}
-
-
-def _schema(row: type[Record | Timing]) -> pl.Schema:
-    return pl.Schema({name: _PARQUET_TYPES[kind] for name, (kind, _) in _COLUMN_TYPES[row].items()})
-
-
-RECORD_SCHEMA = _schema(Record)
-TIMING_SCHEMA = _schema(Timing)
+RECORD_SCHEMA = schema_of(Record)
+TIMING_SCHEMA = schema_of(Timing)
 
 
 def write_records(records: Iterable[Record], path: Path) -> None:
     """Write records as Parquet, in the order of their keys."""
-    rows = [asdict(record) for record in sorted(records, key=Record.key)]
-    write_parquet(pl.DataFrame(rows, schema=RECORD_SCHEMA), path)
+    write_rows(sorted(records, key=Record.key), path, schema=RECORD_SCHEMA)
 
 
 def write_timings(timings: Iterable[Timing], path: Path) -> None:
     """Write timings as Parquet, by scene and in the order in which the stages ran."""
-    rows = [asdict(timing) for timing in sorted(timings, key=lambda timing: timing.scene_id)]
-    write_parquet(pl.DataFrame(rows, schema=TIMING_SCHEMA), path)
+    rows = sorted(timings, key=lambda timing: timing.scene_id)
+    write_rows(rows, path, schema=TIMING_SCHEMA)
 
 
 def read_records(path: Path) -> list[Record]:
@@ -288,39 +272,9 @@ def read_records(path: Path) -> list[Record]:
     InputError
         The file is missing, damaged or of another schema.
     """
-    frame = _read_parquet(path, schema=RECORD_SCHEMA)
-    return [Record(**row) for row in frame.to_dicts()]
+    return read_rows(path, row=Record)
 
 
 def read_timings(path: Path) -> list[Timing]:
     """Read what `write_timings` wrote; raises like `read_records`."""
-    frame = _read_parquet(path, schema=TIMING_SCHEMA)
-    return [Timing(**row) for row in frame.to_dicts()]
-
-
-def write_parquet(frame: pl.DataFrame, path: Path) -> None:
-    """Write a table atomically, and as the same bytes wherever it is written."""
-    # Every setting that shapes the bytes is spelt out, so that a new default cannot. They go
-    # through memory because polars reports a full disk in its own way.
-    content = io.BytesIO()
-    frame.write_parquet(
-        content, compression="zstd", compression_level=3, statistics=True, row_group_size=1 << 16
-    )
-    write_atomically(path, lambda file: file.write(content.getbuffer()))
-
-
-def _read_parquet(path: Path, *, schema: pl.Schema) -> pl.DataFrame:
-    try:
-        frame = pl.read_parquet(path)
-    except FileNotFoundError:
-        raise InputError(f"{path} is missing; finish the run with `harness bench --out`") from None
-    except (OSError, pl.exceptions.PolarsError) as error:
-        reason = str(error).splitlines()[0]
-        raise InputError(f"{path} is damaged ({reason}); delete it and resume the run") from None
-    if frame.schema != schema:
-        odd = sorted(set(frame.schema.items()) ^ set(schema.items()), key=str)
-        raise InputError(
-            f"{path} has other columns than this version's ({odd[0][0] if odd else 'order'}); "
-            "read it with the version named in its manifest.json"
-        )
-    return frame
+    return read_rows(path, row=Timing)

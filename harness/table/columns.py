@@ -44,16 +44,24 @@ SEED_COLUMNS = (
 )
 """What the seed's Table III states or implies."""
 
-FURTHER_COLUMNS = (
+RANKING_COLUMNS = (
     Column("recall", "recall"),
     Column("f1", "F1"),
     Column("mcc", "MCC"),
     Column("auroc", "AUROC"),
     Column("average_precision", "AP"),
-    Column("ece", "ECE"),
-    Column("brier", "Brier"),
+    Column("base_rate", "base rate"),
 )
 """What else a classifier is judged by."""
+
+CALIBRATION_COLUMNS = (
+    Column("ece", "ECE"),
+    Column("ece_recalibrated", "recal. ECE"),
+    Column("brier", "Brier"),
+    Column("brier_recalibrated", "recal. Brier"),
+    Column("log_loss", "log loss"),
+)
+"""How far probabilities can be taken at their word, raw and recalibrated."""
 
 CONFIDENCE_COLUMNS = (
     Column("aurc", "AURC"),
@@ -64,14 +72,36 @@ CONFIDENCE_COLUMNS = (
 )
 """How well a confidence ranks the decisions, and the baselines it must beat."""
 
-PARTS = (SEED_COLUMNS, FURTHER_COLUMNS, CONFIDENCE_COLUMNS)
+STATE_COLUMNS = (
+    Column("clamped_share", "clamped"),
+    Column("gate", "gate"),
+    Column("ood", "OOD"),
+)
+"""What a model says of itself."""
+
+PARTS = (SEED_COLUMNS, RANKING_COLUMNS, CALIBRATION_COLUMNS, CONFIDENCE_COLUMNS, STATE_COLUMNS)
 """The tables that a page too narrow for one shows."""
 
 COLUMNS = tuple(column for part in PARTS for column in part)
 
-SWEEP_COLUMNS = tuple(
-    column
-    for column in COLUMNS
-    if column.key in {"precision", "accuracy", "recall", "f1", "auroc", "ece", "aurc"}
-)
+
+def columns_of(*keys: str) -> tuple[Column, ...]:
+    """Choose columns, in the order of the keys."""
+    by_key = {column.key: column for column in COLUMNS}
+    return tuple(by_key[key] for key in keys)
+
+
+SWEEP_COLUMNS = columns_of("precision", "accuracy", "recall", "f1", "auroc", "ece", "aurc")
 """What the sweep over tolerances shows."""
+
+BRIEF_COLUMNS = (
+    *columns_of("tp", "tn", "fp", "fn", "precision", "accuracy", "auroc", "aurc", "ece"),
+    Column("ece_recalibrated", "recal."),
+)
+"""What a look at a run needs; the clamped share comes on top where there is any."""
+
+DIFFERENCE_COLUMNS = columns_of("precision", "accuracy", "auroc", "aurc", "ece", "log_loss")
+"""What models and runs are compared by."""
+
+HIGHER_IS_BETTER = frozenset({"precision", "accuracy", "auroc"})
+"""Of `DIFFERENCE_COLUMNS`; of the others lower is better."""

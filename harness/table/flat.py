@@ -1,4 +1,4 @@
-"""The table as CSV, one line per row, tolerance and metric."""
+"""The table as CSV, one line per row, tolerance and metric; differences follow the means."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import csv
 import io
 from typing import TYPE_CHECKING
 
-from harness.table.columns import COLUMNS
+from harness.table.columns import COLUMNS, DIFFERENCE_COLUMNS
 
 if TYPE_CHECKING:
     from harness.table.summary import Table
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 HEADINGS = (
     "category",
     "model",
+    "less_model",
     "completion",
     "segmenter",
     "tolerance_m",
@@ -31,7 +32,10 @@ HEADINGS = (
 
 
 def render_csv(table: Table) -> str:
-    """All tolerances, at full precision; an undefined value is an empty field."""
+    """All tolerances, at full precision; an undefined value is an empty field.
+
+    Where ``less_model`` names a model, the line is a difference paired by scene.
+    """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(HEADINGS)
@@ -44,6 +48,7 @@ def render_csv(table: Table) -> str:
                 (
                     row.category,
                     row.variant.model,
+                    None,
                     row.variant.completion,
                     row.variant.segmenter,
                     row.tolerance_m,
@@ -57,6 +62,29 @@ def render_csv(table: Table) -> str:
                     row.failed,
                     row.seed.get(column.key) if reported else None,
                     row.difference(column.key) if reported else None,
+                )
+            )
+    for item in table.differences:
+        for column in DIFFERENCE_COLUMNS:
+            estimate = item.values[column.key]
+            writer.writerow(
+                (
+                    item.category,
+                    item.first,
+                    item.second,
+                    item.completion,
+                    item.segmenter,
+                    item.tolerance_m,
+                    column.key,
+                    estimate.mean,
+                    estimate.low,
+                    estimate.high,
+                    estimate.count,
+                    item.scenes,
+                    item.objects,
+                    None,
+                    None,
+                    None,
                 )
             )
     return text.getvalue()

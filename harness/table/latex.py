@@ -6,21 +6,25 @@ from typing import TYPE_CHECKING
 
 from harness.table.cells import (
     UNDEFINED,
+    cell_label,
+    difference,
     explanation,
     has_seed,
     interval,
     millimetres,
     number,
     object_count,
+    pair_label,
     partial_count,
     scene_count,
     signed,
 )
-from harness.table.columns import PARTS, SWEEP_COLUMNS, Column
+from harness.table.columns import DIFFERENCE_COLUMNS, PARTS, SWEEP_COLUMNS, Column
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from harness.table.differences import Difference
     from harness.table.summary import Row, Table
 
 _ESCAPES = str.maketrans(
@@ -51,6 +55,9 @@ def render_latex(table: Table) -> str:
     for columns in PARTS:
         headings = ["", *(column.heading for column in columns)]
         lines += _tabular(headings, _main(table.rows, columns))
+    if differences := table.reported_differences():
+        headings = ["", "difference", *(column.heading for column in DIFFERENCE_COLUMNS)]
+        lines += _tabular(headings, _differences(differences))
     if len({row.tolerance_m for row in table.sweep}) > 1:
         headings = ["", "tolerance", *(column.heading for column in SWEEP_COLUMNS)]
         lines += _tabular(headings, _sweep(table.sweep))
@@ -85,6 +92,13 @@ def _main(rows: Sequence[Row], columns: Sequence[Column]) -> Iterator[str]:
             yield _small(["seed", *seed])
             ours = (signed(row.difference(c.key)) if c.key in row.seed else "" for c in columns)
             yield _small(["ours less seed", *ours])
+
+
+def _differences(differences: Sequence[Difference]) -> Iterator[str]:
+    for item in differences:
+        cells = (difference(item.values[column.key]) for column in DIFFERENCE_COLUMNS)
+        label = f"{cell_label(item)}, {scene_count(item)}, {object_count(item)}"
+        yield _line([escape(cell) for cell in (label, pair_label(item), *cells)])
 
 
 def _sweep(rows: Sequence[Row]) -> Iterator[str]:

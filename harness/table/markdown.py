@@ -5,20 +5,24 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from harness.table.cells import (
+    cell_label,
+    difference,
     explanation,
     has_seed,
     interval,
     millimetres,
     number,
+    pair_label,
     partial_count,
     signed,
 )
-from harness.table.columns import PARTS, SWEEP_COLUMNS, Column
+from harness.table.columns import DIFFERENCE_COLUMNS, PARTS, SWEEP_COLUMNS, Column
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from harness.statistics import MeanEstimate
+    from harness.table.differences import Difference
     from harness.table.summary import Row, Table
 
 
@@ -27,9 +31,36 @@ def render_markdown(table: Table) -> str:
     lines = ["# Results", "", explanation(table), ""]
     for columns in PARTS:
         lines += [*_main(table.rows, columns), ""]
+    lines += markdown_differences(table.reported_differences())
     if len({row.tolerance_m for row in table.sweep}) > 1:
         lines += ["## By tolerance", "", *_sweep(table.sweep), ""]
     return "\n".join(lines)
+
+
+def markdown_differences(differences: Sequence[Difference]) -> list[str]:
+    """Lines of the section of paired differences; none without any."""
+    if not differences:
+        return []
+    headings = ["", "difference", "scenes", "objects"]
+    return [
+        "## Paired differences",
+        "",
+        _line([*headings, *(column.heading for column in DIFFERENCE_COLUMNS)]),
+        _line(["---", "---", "--:", "--:", *("--:" for _ in DIFFERENCE_COLUMNS)]),
+        *(
+            _line(
+                [
+                    cell_label(item),
+                    pair_label(item),
+                    str(item.scenes),
+                    str(item.objects),
+                    *(difference(item.values[column.key]) for column in DIFFERENCE_COLUMNS),
+                ]
+            )
+            for item in differences
+        ),
+        "",
+    ]
 
 
 def _main(rows: Sequence[Row], columns: Sequence[Column]) -> Iterator[str]:

@@ -25,12 +25,16 @@ _KEYS = ("tp", "tn", "fp", "fn", "precision", "accuracy")
 _SEED_MODEL = {"classic": "classic", "metric_literal": "metric", "metric": "metric"}
 
 
+def seed_model(variant: Variant) -> str:
+    """Which of the seed's two models stands beside ours."""
+    return _SEED_MODEL.get(variant.model, "")
+
+
 def seed_numbers(*, category: str, variant: Variant) -> Mapping[str, float]:
     """Look up the seed's row for ours, by column key; empty where it has none.
 
     Both of our metric models stand beside the seed's one: ``metric_literal`` is its Eq. 1 as
     written, ``metric`` the sound model that takes its place.
     """
-    model = _SEED_MODEL.get(variant.model, variant.model)
-    row = _TABLE_III.get((category, model, variant.completion != "none"))
+    row = _TABLE_III.get((category, seed_model(variant), variant.completion != "none"))
     return {} if row is None else dict(zip(_KEYS, row, strict=True))

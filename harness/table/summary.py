@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -11,12 +12,24 @@ import numpy as np
 from harness.runs.records import Record, Variant
 from harness.statistics import MeanEstimate, mean_estimate
 from harness.table.columns import COLUMNS
-from harness.table.seed import seed_numbers
+from harness.table.differences import Difference, cell_order, model_differences
+from harness.table.seed import seed_model, seed_numbers
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-_MODEL_ORDER = ("classic", "metric_literal", "metric")
+MODEL_ORDER = ("classic", "classic_tuned", "metric_literal", "metric", "network", "nearest")
+
+
+def model_label(variant: Variant) -> str:
+    """Name a model in print, with a segmenter that is not the oracle."""
+    name = variant.model.replace("_", " ")
+    return name if variant.segmenter == "oracle" else f"{name} [{variant.segmenter}]"
+
+
+def completion_label(completion: str) -> str:
+    """``SC``, as in the seed, with the shape completion; nothing without one."""
+    return "" if completion == "none" else f"SC ({completion})"
 
 
 @dataclass(frozen=True)
@@ -47,12 +60,14 @@ class Row:
     @property
     def label(self) -> str:
         """Name in print, as the seed's: class, model, ``SC`` with shape completion."""
-        parts = [self.category.capitalize(), self.variant.model.replace("_", " ")]
-        if self.variant.completion != "none":
-            parts.append(f"SC ({self.variant.completion})")
-        if self.variant.segmenter != "oracle":
-            parts.append(f"[{self.variant.segmenter}]")
-        return " ".join(parts)
+        completed = completion_label(self.variant.completion)
+        parts = (self.category.capitalize(), model_label(self.variant), completed)
+        return " ".join(part for part in parts if part)
+
+    @property
+    def seed_model(self) -> str:
+        """Which of the seed's models `seed` is of."""
+        return seed_model(self.variant)
 
     def difference(self, key: str) -> float | None:
         """Ours less the seed's."""
@@ -70,13 +85,31 @@ class Table:
         At the reported tolerance.
     sweep
         At every tolerance, by row and then tolerance.
+    differences
+        Of models on the same scenes, at every tolerance.
     reported_tolerance_m
         Distance within which a point lies on the mesh in `rows`, metres.
     """
 
     rows: tuple[Row, ...]
     sweep: tuple[Row, ...]
+    differences: tuple[Difference, ...]
     reported_tolerance_m: float
+
+    def groups(self) -> list[tuple[Row, ...]]:
+        """Rows of one class and completion together, in their order."""
+        return [
+            tuple(rows)
+            for _, rows in itertools.groupby(
+                self.rows, key=lambda row: (row.category, row.variant.completion)
+            )
+        ]
+
+    def reported_differences(self) -> tuple[Difference, ...]:
+        """Differences at the reported tolerance."""
+        return tuple(
+            item for item in self.differences if item.tolerance_m == self.reported_tolerance_m
+        )
 
 
 def summarise(
@@ -103,10 +136,20 @@ def summarise(
         _row(group, category=category, variant=variant, tolerance_m=tolerance_m, seed=seed)
         for (category, variant, tolerance_m), group in groups.items()
     ]
-    rows.sort(key=lambda row: _order(row, classes=classes))
+    rows.sort(
+        key=lambda row: (
+            *cell_order(row.category, row.variant.completion, classes=classes),
+            MODEL_ORDER.index(row.variant.model)
+            if row.variant.model in MODEL_ORDER
+            else len(MODEL_ORDER),
+            row.variant,
+            row.tolerance_m,
+        )
+    )
     return Table(
         rows=tuple(row for row in rows if row.tolerance_m == reported_tolerance_m),
         sweep=tuple(rows),
+        differences=model_differences(records, classes=classes, seed=seed),
         reported_tolerance_m=reported_tolerance_m,
     )
 
@@ -130,19 +173,4 @@ def _row(
         objects=len(set(objects)),
         values=values,
         seed=seed_numbers(category=category, variant=variant),
-    )
-
-
-def _order(row: Row, *, classes: Sequence[str]) -> tuple[object, ...]:
-    """Seed's order: by class, with completion first, classic before metric."""
-    model = row.variant.model
-    return (
-        classes.index(row.category) if row.category in classes else len(classes),
-        row.category,
-        row.variant.completion == "none",
-        row.variant.completion,
-        _MODEL_ORDER.index(model) if model in _MODEL_ORDER else len(_MODEL_ORDER),
-        model,
-        row.variant.segmenter,
-        row.tolerance_m,
     )

@@ -1,4 +1,4 @@
-"""The table on a terminal, stacked where the terminal is too narrow for one."""
+"""All of a table on a terminal, stacked where the terminal is too narrow for one."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table as Grid
 from rich.text import Text
 
+from harness.table.brief import chunks, difference_blocks
 from harness.table.cells import (
     explanation,
     has_seed,
@@ -30,8 +31,8 @@ _CELL_WIDTH = len("+0.000")
 _GAP = 3
 
 
-def render_terminal(table: Table, *, width: int) -> RenderableType:
-    """Lay the table out for a terminal of `width` columns."""
+def render_full(table: Table, *, width: int) -> RenderableType:
+    """Lay everything out for a terminal of `width` columns: intervals and the sweep too."""
     if not table.rows:
         return Text("no scene was scored", style="bold red")
     parts: list[RenderableType] = []
@@ -42,6 +43,7 @@ def render_terminal(table: Table, *, width: int) -> RenderableType:
                 grid.add_row(label, *cells, style=None if label == row.label else "dim")
             grid.add_section()
         parts += [grid, Text()]
+    parts += difference_blocks(table.reported_differences(), width=width)
     parts.append(Text(explanation(table), style="dim"))
     if len({row.tolerance_m for row in table.sweep}) > 1:
         parts.append(_sweep(table, width=width))
@@ -69,7 +71,7 @@ def _lines(row: Row, columns: Sequence[Column]) -> Iterator[tuple[str, list[str]
 def _sweep(table: Table, *, width: int) -> RenderableType:
     parts: list[RenderableType] = [Text("\nBy tolerance", style="bold")]
     label_width = max(len(_sweep_label(row)) for row in table.sweep)
-    for columns in _chunks(SWEEP_COLUMNS, label_width=label_width, width=width):
+    for columns in _fitting(SWEEP_COLUMNS, label_width=label_width, width=width):
         grid = _grid(columns)
         for row in table.sweep:
             cells = [number(row.values[column.key].mean) for column in columns]
@@ -100,22 +102,14 @@ def _stacks(rows: Sequence[Row], *, width: int) -> list[Sequence[Column]]:
     """All columns if they fit; else the seed's first and the other parts below."""
     labels = [label for row in rows for label, _ in _lines(row, COLUMNS)]
     label_width = max(len(label) for label in labels)
-    whole = _chunks(COLUMNS, label_width=label_width, width=width)
+    whole = _fitting(COLUMNS, label_width=label_width, width=width)
     if len(whole) == 1:
         return whole
     return [
-        chunk for part in PARTS for chunk in _chunks(part, label_width=label_width, width=width)
+        chunk for part in PARTS for chunk in _fitting(part, label_width=label_width, width=width)
     ]
 
 
-def _chunks(columns: Sequence[Column], *, label_width: int, width: int) -> list[Sequence[Column]]:
-    """Columns in as many tables as the width needs, one column in each at least."""
-    chunks: list[Sequence[Column]] = []
-    start, used = 0, label_width
-    for index, column in enumerate(columns):
-        needed = _column_width(column) + _GAP
-        if index > start and used + needed > width:
-            chunks.append(columns[start:index])
-            start, used = index, label_width
-        used += needed
-    return [*chunks, columns[start:]]
+def _fitting(columns: Sequence[Column], *, label_width: int, width: int) -> list[Sequence[Column]]:
+    needed = [_column_width(column) + _GAP for column in columns]
+    return chunks(columns, needed, room=width - label_width)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from harness.runs.confusion import Confusion
 from harness.runs.job import SceneJob
 from harness.runs.records import Record, SceneResult, Timing, Variant
 
@@ -37,13 +38,13 @@ MODELS = [FakeModel(f"{category}_{i}", category) for category in ("mug", "bowl")
 
 
 def variants(config: Config) -> list[Variant]:
-    return [Variant("classic")]
+    return [Variant("classic"), Variant("metric")]
 
 
 def fake_record(
     job: SceneJob, *, variant: Variant, tolerance_m: float, views: int = 3, points: int = 1000
 ) -> Record:
-    rng = np.random.default_rng(job.seed)
+    rng = np.random.default_rng([job.seed, len(variant.model)])
     tp, tn, fp = (int(n) for n in rng.integers(0, points // 3, size=3))
     return Record(
         scene_id=job.scene_id,
@@ -77,7 +78,26 @@ def run_scene(job: SceneJob, config: Config) -> SceneResult:
         for tolerance_m in config.protocol.tolerances_m
     ]
     timing = Timing(scene_id=job.scene_id, stage="render", model=None, seconds=0.5)
-    return SceneResult(records, [timing])
+    return SceneResult(records, [timing], [row for item in records for row in fake_confusion(item)])
+
+
+def fake_confusion(record: Record) -> list[Confusion]:
+    """The confusion of a scene without neighbours."""
+    names = ("free", record.category)
+    cells = {(1, 1): record.tp, (0, 0): record.tn, (0, 1): record.fp, (1, 0): record.fn}
+    return [
+        Confusion(
+            scene_id=record.scene_id,
+            model=record.model,
+            completion=record.completion,
+            tolerance_m=record.tolerance_m,
+            true=names[true],
+            predicted=names[predicted],
+            points=points,
+        )
+        for (true, predicted), points in cells.items()
+        if points
+    ]
 
 
 def _disturb(order: Path) -> None:
@@ -129,3 +149,9 @@ def foreign_records(job: SceneJob, config: Config) -> SceneResult:
     """Records of another scene."""
     other = SceneJob("other-0000", job.category, job.object_name, job.seed)
     return run_scene(other, config)
+
+
+def lost_confusion(job: SceneJob, config: Config) -> SceneResult:
+    """Records with a confusion that lacks its first row."""
+    result = run_scene(job, config)
+    return SceneResult(result.records, result.timings, result.confusion[1:])

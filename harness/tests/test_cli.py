@@ -64,8 +64,8 @@ def test_bench_prints_the_table_and_where_the_run_is(harness: Harness, tmp_path:
     folder = tmp_path / "run"
     code, out, err = harness("bench", "--scenes", "1", "--workers", "1", "--out", folder)
     assert code == 0
-    assert "Mug classic" in out
-    assert "0.356" in out
+    assert "Mug: 1 scene, 1 object" in out
+    assert re.search(r"^seed: classic +\.356 +\.139", out, re.MULTILINE)
     assert out.splitlines()[-1].startswith("2 scenes in ")
     assert f"written to {folder} " in out.splitlines()[-1]
     assert re.findall(r"^(\d/2 \w+-0000) in [\d.]+ s$", err, re.MULTILINE) == [
@@ -75,6 +75,56 @@ def test_bench_prints_the_table_and_where_the_run_is(harness: Harness, tmp_path:
     code, shown, _ = harness("show", folder)
     assert code == 0
     assert shown == out.removesuffix(out.splitlines(keepends=True)[-1])
+    assert "Confusion" not in shown
+
+
+def test_show_has_more_when_asked(harness: Harness, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    harness("bench", "--scenes", "1", "--workers", "1", "--out", folder)
+    _, everything, _ = harness("show", folder, "--all")
+    for word in ("95 % from", "By tolerance", "risk@50", "gate", "Bowl, paired differences"):
+        assert word in everything
+    assert "Confusion" not in everything
+    _, confusion, _ = harness("show", folder, "--confusion")
+    assert "Confusion, classic" in confusion
+    assert "Confusion, metric" in confusion
+
+
+@pytest.fixture
+def runs(harness: Harness, tmp_path: Path) -> tuple[Path, Path]:
+    """Two runs of the same scenes."""
+    config = tmp_path / "two.toml"
+    config.write_text("[scenes]\nviews = 2\n", encoding="utf-8")
+    folders = tmp_path / "a", tmp_path / "b"
+    settings = "--scenes", "6", "--workers", "1"
+    harness("bench", *settings, "--out", folders[0])
+    harness("bench", *settings, "--config", config, "--out", folders[1])
+    return folders
+
+
+def test_compare_pairs_the_scenes_of_two_runs(harness: Harness, runs: tuple[Path, Path]) -> None:
+    code, out, _ = harness("compare", *runs, "--model-b", "classic")
+    assert code == 0
+    assert out.startswith(f"metric of {runs[0]} less classic of {runs[1]}\n")
+    assert "Mug: 6 scenes, 3 objects; Bowl: 6 scenes, 3 objects\n" in out
+    assert "scenes.views: 3 in the first, 2 in the second\n" in out
+    # The fakes do not look at the views: the same model in both runs measures the same.
+    _, out, _ = harness("compare", *runs)
+    assert re.search(
+        r"^accuracy +\+\.000 \[\N{EN DASH}\] +\+\.000 \[\N{EN DASH}\] *$", out, re.MULTILINE
+    )
+
+
+def test_compare_refuses_in_one_line(harness: Harness, runs: tuple[Path, Path]) -> None:
+    other = runs[0].parent / "c"
+    harness("bench", "--scenes", "1", "--seed", "5", "--workers", "1", "--out", other)
+    assert refused(harness, "compare", runs[0], other) == (
+        f"{runs[0]} and {other} share no scene that both scored (its seed is "
+        + refused(harness, "compare", runs[0], other).split("(its seed is ")[1]
+    )
+    message = refused(harness, "compare", *runs, "--model-a", "metal")
+    assert message == f"{runs[0]} has no records of model 'metal'; it has: classic, metric"
+    assert "holds no run" in refused(harness, "compare", runs[0], runs[0].parent)
 
 
 def test_a_run_without_a_scored_scene_fails(harness: Harness, tmp_path: Path, orders: Path) -> None:
@@ -233,6 +283,7 @@ def test_clutter_is_asked_for_on_the_command_line(harness: Harness, tmp_path: Pa
     assert code == 0
     config = tomllib.loads((folder / "config.toml").read_text(encoding="utf-8"))
     assert config["scenes"]["cluttered"] is True
+    assert "Confusion, classic" in harness("show", folder)[1]
 
 
 @pytest.mark.parametrize(
@@ -240,7 +291,8 @@ def test_clutter_is_asked_for_on_the_command_line(harness: Harness, tmp_path: Pa
     [
         ([], ["bench", "show"]),
         (["bench"], ["--quick", "--objects", "harness bench --out", "Exit codes", "[run]"]),
-        (["show"], ["harness show results/RUN"]),
+        (["show"], ["harness show results/RUN", "--all", "--confusion"]),
+        (["compare"], ["harness compare", "--model-a", "same seed"]),
         (["assets"], ["--benchmark", "--split", "harness assets --out"]),
     ],
 )

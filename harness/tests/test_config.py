@@ -42,6 +42,7 @@ def test_the_defaults_are_the_seeds_protocol() -> None:
     config = load_config(None, check_pipeline=no_check)
     assert config == Config()
     assert config.protocol.test_points == 1000
+    assert config.protocol.test_sets == ("box", "perturbed")
     assert config.protocol.tolerances_m == (0.0025, 0.005, 0.01)
     assert (config.run.scenes, config.scenes.views) == (16, 3)
     assert config.run.classes == ("mug", "bowl")
@@ -92,6 +93,9 @@ def test_a_misspelt_key_gets_its_nearest_and_the_file(
         ('[run]\nscenes = "8"', "run.scenes = '8': should be a valid integer"),
         ("[protocol]\ntolerances_m = [0.0, 0.005]", "protocol.tolerances_m.0 = 0.0: should be gr"),
         ("[protocol]\ntolerances_m = [nan, 0.005]", "protocol.tolerances_m.0 = nan: should be"),
+        ("[protocol]\ntest_sets = []", "protocol.test_sets = []"),
+        ('[protocol]\ntest_sets = ["box", "box"]', "test_sets ['box', 'box'] names a set twice"),
+        ('[protocol]\ntest_sets = ["sphere"]', "test_sets.0 = 'sphere': should be 'box' or 'pert"),
         ("[protocol]\ntest_points = 0", "protocol.test_points = 0: should be greater than or"),
         ("[protocol]\nreported_tolerance_m = 0.007", "0.007 is not one of tolerances_m"),
         ("[protocol]\ntolerances_m = [0.005, 0.005]", "names a distance twice"),

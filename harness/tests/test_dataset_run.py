@@ -12,13 +12,14 @@ import polars as pl
 import pytest
 
 from harness import cli
-from harness.bench import BenchOptions, run_bench, show_run
+from harness.bench import BenchOptions, run_bench
 from harness.config import Config, load_config
 from harness.dataset_export import ExportOptions, run_export
 from harness.dataset_plan import Plan, plan_dataset
 from harness.dataset_run import DatasetOptions, DatasetResult, run_dataset, run_job
 from harness.errors import InputError
 from harness.native import OccupancyMap
+from harness.results import show_run
 from harness.runs.job import SceneJob, plan_jobs
 from harness.runs.records import Record, read_records, read_timings
 from harness.scene_run import StageClock, evaluate_scene, simulate_job
@@ -45,6 +46,7 @@ points = 80
 [pipeline.gp]
 fit_points = 30
 fit_iterations = 3
+models = ["classic"]
 """
 
 
@@ -67,10 +69,12 @@ def simulated(
     """A dataset of a mug alone and a bowl among others, and the records of its scenes."""
     mug, bowl = plan_jobs(config, load_object_set(None).models)
     jobs = [mug, replace(bowl, cluttered=True)]
-    scenes, records = [], []
+    scenes: list[Scene] = []
+    records: list[Record] = []
     for job in jobs:
         scene = simulate_job(job, config)
-        records += evaluate_scene(scene, job=job, config=config, clock=StageClock(job.scene_id))
+        clock = StageClock(job.scene_id)
+        records += evaluate_scene(scene, job=job, config=config, clock=clock).records
         scenes.append(replace(scene, name=job.scene_id))
     root = tmp_path_factory.mktemp("simulated") / "set"
     assert write_bop(scenes, root) == []
@@ -136,7 +140,7 @@ def test_a_dataset_gives_the_records_of_its_scenes(
 ) -> None:
     result = run()
     assert read_records(result.folder / "records.parquet") == simulated[1]
-    assert len(simulated[1]) == 2 * 3
+    assert len(simulated[1]) == 2 * 2 * 3
     assert (result.scored, result.failures, result.unscored) == (2, {}, [])
     assert show_run(result.folder) == result.table
     stages = [row.stage for row in read_timings(result.folder / "timings.parquet")]
@@ -171,7 +175,7 @@ def test_what_export_writes_gives_the_bytes_of_the_benchmark(
 
     assert cli.main(["run", str(root), "--out", str(tmp_path / "run")]) == 0
     out, _ = capsys.readouterr()
-    assert "Bowl classic" in out
+    assert "Bowl SC (perturbed): 1 scene, 1 object" in out
     assert "2 targets scored, 0 failed; without scores: 0 scenes mapped, 0 skipped; in " in out
     again = read_records(tmp_path / "run" / "records.parquet")
     wanted = read_records(bench.folder / "records.parquet")

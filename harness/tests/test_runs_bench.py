@@ -23,10 +23,11 @@ from harness.bench import (
     RunInterruptedError,
     Wiring,
     run_bench,
-    show_run,
 )
 from harness.errors import InputError
+from harness.results import show_confusion, show_run
 from harness.runs.atomic import DiskError
+from harness.runs.confusion import read_confusion
 from harness.runs.directory import default_folder
 from harness.runs.job import object_identity
 from harness.runs.manifest import UNKNOWN, git_state
@@ -39,7 +40,14 @@ from harness.tests.fake_wiring import WIRING
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
-STABLE = ("records.parquet", "table.md", "table.csv", "table.tex", "config.toml")
+STABLE = (
+    "records.parquet",
+    "confusion.parquet",
+    "table.md",
+    "table.csv",
+    "table.tex",
+    "config.toml",
+)
 SCENES = 2
 PARENT = """
 from pathlib import Path
@@ -93,8 +101,11 @@ def test_a_run_holds_what_its_document_says(finished: BenchResult) -> None:
     scenes = sorted(path.name for path in (result.folder / "scenes").iterdir())
     assert scenes == ["bowl-0000.json", "bowl-0001.json", "mug-0000.json", "mug-0001.json"]
     records = read_records(result.folder / "records.parquet")
-    assert len(records) == 4 * 3
-    assert [row.scene_id for row in records[:4]] == ["bowl-0000"] * 3 + ["bowl-0001"]
+    assert len(records) == 4 * 2 * 3
+    assert [row.scene_id for row in records[:7]] == ["bowl-0000"] * 6 + ["bowl-0001"]
+    confusion = read_confusion(result.folder / "confusion.parquet")
+    assert sum(row.points for row in confusion) == sum(row.test_points or 0 for row in records)
+    assert {row.tolerance_m for row in show_confusion(result.folder)} == {0.005}
     timings = read_timings(result.folder / "timings.parquet")
     assert [(row.scene_id, row.stage) for row in timings[:2]] == [
         ("bowl-0000", "render"),
@@ -196,7 +207,7 @@ def test_ctrl_c_keeps_the_finished_scenes_and_says_how_to_go_on(
     assert stable_bytes(folder) == undisturbed
 
 
-@pytest.mark.parametrize("damage", [b"", b'{"schema_version": 2, "sha256": "0"}\n{}\n'])
+@pytest.mark.parametrize("damage", [b"", b'{"schema_version": 3, "sha256": "0"}\n{}\n'])
 def test_a_damaged_scene_is_computed_again_and_said_so(
     folder: Path, undisturbed: dict[str, bytes], damage: bytes
 ) -> None:
@@ -217,11 +228,13 @@ def test_a_failed_scene_is_a_row_and_is_tried_again_by_the_next_sitting(
     failed = [
         row for row in read_records(result.folder / "records.parquet") if row.status == "failed"
     ]
-    assert [(row.scene_id, row.tolerance_m) for row in failed] == [
-        ("mug-0001", 0.0025),
-        ("mug-0001", 0.005),
-        ("mug-0001", 0.01),
+    assert [(row.scene_id, row.model, row.tolerance_m) for row in failed] == [
+        ("mug-0001", model, tolerance_m)
+        for model in ("classic", "metric")
+        for tolerance_m in (0.0025, 0.005, 0.01)
     ]
+    confused = read_confusion(result.folder / "confusion.parquet")
+    assert "mug-0001" not in {row.scene_id for row in confused}
     mug = next(row for row in result.table.rows if row.category == "mug")
     assert (mug.scenes, mug.failed) == (1, 1)
     (orders / "mug-0001").unlink()
@@ -239,6 +252,14 @@ def test_records_of_another_scene_are_refused(tmp_path: Path) -> None:
     wiring = replace(WIRING, scene_function=f"{fake_scenes.__name__}:foreign_records")
     result = bench(tmp_path / "run", wiring=wiring)
     assert set(result.failures.values()) == {"the scene function returned another scene's records"}
+
+
+def test_a_confusion_that_does_not_count_the_points_is_refused(tmp_path: Path) -> None:
+    wiring = replace(WIRING, scene_function=f"{fake_scenes.__name__}:lost_confusion")
+    result = bench(tmp_path / "run", wiring=wiring)
+    assert set(result.failures.values()) == {
+        "the scene function's confusion does not count the test points of its records"
+    }
 
 
 def test_out_alone_continues_with_the_runs_own_configuration(
@@ -284,7 +305,7 @@ def test_other_objects_and_other_schemas_are_refused(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ('{"schema_version": 2}', "is no run's manifest: no dict 'config'; choose another folder"),
+        ('{"schema_version": 3}', "is no run's manifest: no dict 'config'; choose another folder"),
         ("[]", "is no run's manifest: no int 'schema_version'"),
     ],
 )

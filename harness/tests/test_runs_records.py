@@ -10,6 +10,7 @@ import polars as pl
 import pytest
 
 from harness.errors import InputError
+from harness.runs.confusion import CONFUSION_SCHEMA, Confusion, read_confusion, write_confusion
 from harness.runs.fragment import DamagedFragmentError, read_fragment, write_fragment
 from harness.runs.job import SceneJob
 from harness.runs.records import (
@@ -26,7 +27,7 @@ from harness.runs.records import (
     write_records,
     write_timings,
 )
-from harness.tests.fake_scenes import fake_record
+from harness.tests.fake_scenes import fake_confusion, fake_record
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -108,6 +109,22 @@ def test_timings_keep_the_order_of_the_stages(tmp_path: Path) -> None:
     assert read_timings(path) == stages
 
 
+def test_confusion_round_trip_in_the_order_of_keys(tmp_path: Path) -> None:
+    rows = fake_confusion(RECORD)
+    path = tmp_path / "confusion.parquet"
+    write_confusion(reversed(rows), path)
+    assert read_confusion(path) == sorted(rows, key=Confusion.key)
+    assert sum(row.points for row in rows) == RECORD.test_points
+    assert pl.read_parquet(path).columns == list(CONFUSION_SCHEMA)
+    before = path.read_bytes()
+    write_confusion(rows, path)
+    assert path.read_bytes() == before
+    write_confusion([], path)
+    assert pl.read_parquet(path).schema == CONFUSION_SCHEMA
+    with pytest.raises(ValueError, match=r"mug-0000: points is 1\.0 of type float; it must be"):
+        dataclasses.replace(rows[0], points=1.0)  # type: ignore[arg-type]
+
+
 def test_files_of_records_that_cannot_be_read(tmp_path: Path) -> None:
     path = tmp_path / "records.parquet"
     with pytest.raises(InputError, match="is missing; finish the run"):
@@ -124,8 +141,9 @@ def test_files_of_records_that_cannot_be_read(tmp_path: Path) -> None:
 def test_fragment_round_trip_is_exact(tmp_path: Path) -> None:
     third = dataclasses.replace(RECORD, auroc=1 / 3, brier=5e-324)
     path = tmp_path / "mug-0000.json"
-    write_fragment(path, SceneResult([third], [TIMING]))
-    assert read_fragment(path, job=JOB) == SceneResult([third], [TIMING])
+    result = SceneResult([third], [TIMING], fake_confusion(third))
+    write_fragment(path, result)
+    assert read_fragment(path, job=JOB) == result
 
 
 def test_a_fragment_that_was_cut_or_altered_is_noticed(tmp_path: Path) -> None:
@@ -139,8 +157,8 @@ def test_a_fragment_that_was_cut_or_altered_is_noticed(tmp_path: Path) -> None:
     path.write_bytes(whole.replace(b'"tp": ', b'"tp": 1'))
     with pytest.raises(DamagedFragmentError, match="checksum"):
         read_fragment(path, job=JOB)
-    path.write_bytes(whole.replace(b'"schema_version": 2', b'"schema_version": 1'))
-    with pytest.raises(DamagedFragmentError, match="schema 1, not 2"):
+    path.write_bytes(whole.replace(b'"schema_version": 3', b'"schema_version": 1'))
+    with pytest.raises(DamagedFragmentError, match="schema 1, not 3"):
         read_fragment(path, job=JOB)
     path.write_bytes(whole)
     with pytest.raises(DamagedFragmentError, match="another scene's result"):

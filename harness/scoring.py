@@ -1,0 +1,194 @@
+"""What a classifier's answers about one test set are worth: its records and its confusion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from harness.native import CLASS_NAMES, binary_metrics
+from harness.runs.confusion import Confusion
+from harness.runs.records import Record
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from harness.native import Hyperparameters, MappedObject, Predictions, TrainingSet
+    from sim_scenes import SceneObject
+
+    Floats = npt.NDArray[np.float64]
+
+LOG_LOSS_CLIP = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Answers:
+    """A model's answers about one test set; all test sets are asked about at once.
+
+    Attributes
+    ----------
+    predictions
+        About the points of all test sets.
+    part
+        Those of this one.
+    """
+
+    predictions: Predictions
+    part: slice
+
+    @property
+    def classes(self) -> npt.NDArray[np.uint8]:
+        """Predicted class (n,) of each point."""
+        return np.asarray(self.predictions.classes[self.part])
+
+    @property
+    def confidence(self) -> Floats:
+        """Recalibrated probability (n,) of the object, times the segmenter's score."""
+        return np.asarray(self.predictions.confidence[self.part])
+
+    @property
+    def score(self) -> Floats:
+        """The seed's score (n,): its min-max form, by the extremes of all test sets together.
+
+        It is affine in the standard deviation, so that these extremes change no order.
+        """
+        return np.ascontiguousarray(self.predictions.score[self.part])
+
+    @property
+    def clamped_share(self) -> float:
+        """Share of these points whose variance was negative and clamped."""
+        clamped = self.predictions.clamped[self.part]
+        return float(np.mean(clamped)) if len(clamped) else 0.0
+
+    def probability(self, category: str) -> Floats:
+        """Raw probability (n,) of a category; 0 where the classifier does not know it."""
+        names = self.predictions.class_names
+        if category not in names:
+            return np.zeros(len(self.classes))
+        column = names.index(category)
+        return np.ascontiguousarray(self.predictions.probabilities[self.part, column])
+
+    def recalibrated(self, item: MappedObject) -> Floats | None:
+        """Recalibrated probability (n,) that a point lies on a mapped object.
+
+        None where the segmenter gives the object no score, which the confidence holds as a factor.
+        """
+        return np.minimum(self.confidence / item.score, 1.0) if item.score > 0 else None
+
+
+def score(
+    answers: Answers,
+    *,
+    truth: npt.NDArray[np.bool_],
+    data_distance_m: Floats,
+    target: SceneObject,
+    item: MappedObject,
+    training: TrainingSet,
+    identity: dict[str, Any],
+) -> Record:
+    """Score one model's answers at one tolerance.
+
+    The metrics of ranking and calibration judge the classifier alone, by its raw probability of
+    the target's category and, where said so, by the recalibrated one. Decisions are ranked by the
+    confidence, the recalibrated probability times the segmenter's score.
+
+    Parameters
+    ----------
+    answers
+        About the test points.
+    truth : (n,) bool
+        Whether each point lies on an object of the target's category.
+    data_distance_m : (n,) float64
+        Distance of each point to the nearest training point, metres.
+    target
+        The object asked about.
+    item
+        What the map takes it for.
+    training
+        What the model learned from.
+    identity
+        The fields of the record that say which result it is.
+    """
+    target_class = CLASS_NAMES.index(target.category)
+    predicted = answers.classes == target_class
+    confidence = answers.confidence
+    probability = answers.probability(target.category)
+    metrics = binary_metrics(
+        predicted=predicted,
+        truth=truth,
+        probability=probability,
+        decision_confidence=np.where(predicted, confidence, 1.0 - confidence),
+    )
+    aurc_by_score, aurc_by_nearness = (
+        binary_metrics(predicted=predicted, truth=truth, decision_confidence=ranking)["aurc"]
+        for ranking in (answers.score, -data_distance_m)
+    )
+    recalibrated = answers.recalibrated(item) if item.category == target.category else None
+    after = (
+        {}
+        if recalibrated is None
+        else binary_metrics(predicted=predicted, truth=truth, probability=recalibrated)
+    )
+    names = {field.name for field in fields(Record)}
+    predictions = answers.predictions
+    return Record(
+        **identity,
+        **cast("dict[str, Any]", {name: metrics[name] for name in metrics.keys() & names}),
+        base_rate=float(truth.mean()) if len(truth) else None,
+        ece_recalibrated=after.get("ece"),
+        brier_recalibrated=after.get("brier"),
+        log_loss=log_loss(probability, truth),
+        nearest_aurc=aurc_by_nearness,
+        score_aurc=aurc_by_score,
+        test_points=len(truth),
+        object_training_points=int(np.count_nonzero(training.classes == target_class)),
+        free_training_points=int(np.count_nonzero(training.classes == 0)),
+        clamped_share=answers.clamped_share,
+        gate=predictions.gate,
+        ood=predictions.ood,
+        jitter=predictions.jitter,
+        fits_unconverged=predictions.fits_unconverged,
+        fits_at_bound=predictions.fits_at_bound,
+        # A map that takes the target for something else has no process of its category.
+        **_scales(predictions.hyperparameters.get(target.category), suffixes=("_m", "")),
+        **_scales(predictions.hyperparameters.get("free"), suffixes=("_free_m", "_free")),
+    )
+
+
+def log_loss(probability: Floats, truth: npt.NDArray[np.bool_]) -> float | None:
+    """Mean negative log-likelihood of the truth, nats; None without points."""
+    if len(truth) == 0:
+        return None
+    of_truth = np.where(truth, probability, 1.0 - probability)
+    return float(-np.log(np.clip(of_truth, LOG_LOSS_CLIP, 1.0 - LOG_LOSS_CLIP)).mean())
+
+
+def confusion(
+    answers: Answers, *, true: npt.NDArray[np.str_], identity: dict[str, Any]
+) -> list[Confusion]:
+    """Count the points of each true category and predicted class.
+
+    Parameters
+    ----------
+    answers
+        About the test points.
+    true : (n,) str
+        Category of the object that each point lies on, a neighbour too; ``free`` on none.
+    identity
+        The fields of the rows that say which result they are of.
+    """
+    predicted = np.array(CLASS_NAMES)[answers.classes]
+    pairs, counts = np.unique(np.stack([true, predicted]), axis=1, return_counts=True)
+    return [
+        Confusion(**identity, true=str(of), predicted=str(taken_for), points=int(count))
+        for (of, taken_for), count in zip(pairs.T, counts, strict=True)
+    ]
+
+
+def _scales(process: Hyperparameters | None, *, suffixes: tuple[str, str]) -> dict[str, Any]:
+    """Fields of a process's hyperparameters; null where the model has none."""
+    return {
+        f"lengthscale{suffixes[0]}": process.lengthscale_m if process else None,
+        f"outputscale{suffixes[1]}": process.outputscale if process else None,
+    }

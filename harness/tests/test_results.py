@@ -1,0 +1,105 @@
+"""Two runs side by side: which scenes are the same, and what is left out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+
+from harness.bench import BenchOptions, run_bench
+from harness.errors import InputError
+from harness.results import compare_runs, is_cluttered
+from harness.runs.records import Record, read_records, write_records
+from harness.tests.fake_wiring import WIRING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    options = BenchOptions(scenes=3, workers=1, out=tmp_path / "run")
+    return run_bench(options, wiring=WIRING).folder
+
+
+@pytest.fixture
+def changed(tmp_path: Path, folder: Path) -> Callable[[Callable[[Record], Record | None]], Path]:
+    """The same run with other records: a function of each, None to lose it."""
+
+    def changed(change: Callable[[Record], Record | None]) -> Path:
+        options = BenchOptions(scenes=3, workers=1, out=tmp_path / "other")
+        other = run_bench(options, wiring=WIRING).folder
+        records = map(change, read_records(other / "records.parquet"))
+        write_records([row for row in records if row is not None], other / "records.parquet")
+        return other
+
+    return changed
+
+
+def test_a_better_run_differs_by_as_much(
+    folder: Path, changed: Callable[[Callable[[Record], Record | None]], Path]
+) -> None:
+    other = changed(lambda row: replace(row, accuracy=(row.accuracy or 0.0) - 0.25))
+    found = compare_runs(folder, other, model_a="metric", model_b="metric")
+    assert (found.scenes, found.unlike, found.only_first, found.only_second) == (6, [], 0, 0)
+    assert found.settings == []
+    assert [(item.category, item.scenes, item.objects) for item in found.differences] == [
+        ("mug", 3, 3),
+        ("bowl", 3, 3),
+    ]
+    for item in found.differences:
+        assert item.tolerance_m == 0.005
+        assert item.values["accuracy"].mean == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"redraws": 1}, "mug-0001: its redraws is 0 in the one and 1 in the other"),
+        ({"object_name": "x"}, "mug-0001: its object name is mug_1 in the one and x in the other"),
+        ({"base_rate": 0.5}, "mug-0001: its base rate is None in the one and 0.5 in the other"),
+    ],
+)
+def test_a_scene_that_is_another_in_the_other_run_is_left_out(
+    folder: Path,
+    changed: Callable[[Callable[[Record], Record | None]], Path],
+    change: dict[str, object],
+    why: str,
+) -> None:
+    other = changed(
+        lambda row: replace(row, **change) if row.scene_id == "mug-0001" else row  # type: ignore[arg-type]
+    )
+    found = compare_runs(folder, other, model_a="metric", model_b="classic")
+    assert (found.scenes, found.unlike) == (5, [why])
+    assert [item.scenes for item in found.differences] == [2, 3]
+
+
+def test_scenes_of_one_run_alone_are_counted(
+    folder: Path, changed: Callable[[Callable[[Record], Record | None]], Path]
+) -> None:
+    other = changed(lambda row: None if row.scene_id.startswith("bowl") else row)
+    found = compare_runs(folder, other, model_a="metric", model_b="metric")
+    assert (found.scenes, found.only_first, found.only_second) == (3, 3, 0)
+
+
+def test_runs_without_a_scene_in_common_are_refused(
+    folder: Path, changed: Callable[[Callable[[Record], Record | None]], Path]
+) -> None:
+    other = changed(lambda row: replace(row, redraws=2))
+    with pytest.raises(InputError, match=r"share no scene that both scored \(its redraws is 0 in"):
+        compare_runs(folder, other, model_a="metric", model_b="metric")
+
+
+def test_a_tolerance_that_the_second_lacks_is_named(tmp_path: Path, folder: Path) -> None:
+    config = tmp_path / "wide.toml"
+    config.write_text("[protocol]\ntolerances_m = [0.01]\nreported_tolerance_m = 0.01\n", "utf-8")
+    options = BenchOptions(scenes=3, workers=1, out=tmp_path / "wide", config=config)
+    wide = run_bench(options, wiring=WIRING).folder
+    with pytest.raises(
+        InputError, match=r"was not scored at 0\.005 m, the tolerance that .* repor"
+    ):
+        compare_runs(folder, wide, model_a="metric", model_b="metric")
+    assert compare_runs(wide, folder, model_a="metric", model_b="metric").scenes == 6
+    assert not is_cluttered(wide)
