@@ -61,7 +61,7 @@ impl SceneCache {
         Self::with_shards_of(SHARD_SCENES, folder, meshes, count, seed, progress)
     }
 
-    fn with_shards_of(
+    pub(super) fn with_shards_of(
         per_shard: usize,
         folder: &Path,
         meshes: &MeshSet,
@@ -151,15 +151,15 @@ fn load(path: &Path, header: &Header) -> Result<Option<Shard>, TrainError> {
     let (words, _) = bytes.as_chunks::<8>();
     let words = words.iter().map(|word| u64::from_le_bytes(*word));
     let found: Vec<u64> = words.take(HEADER_BYTES / 8).collect();
-    let [identity @ .., count] = found.as_slice() else {
+    let &[magic, version, seed, of_meshes, first, count] = found.as_slice() else {
         return Ok(None);
     };
-    if identity != header.identity() {
+    if [magic, version, seed, of_meshes, first] != header.identity() {
         return Err(TrainError::OtherCache {
             path: path.to_path_buf(),
         });
     }
-    if *count < header.count as u64 || !is_whole(&bytes) {
+    if count < header.count as u64 || !is_whole(&bytes) {
         return Ok(None);
     }
     Ok(Shard::new(bytes, header.count))

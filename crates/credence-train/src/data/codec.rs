@@ -93,3 +93,80 @@ fn points(bytes: &[u8]) -> Vec<[f32; 3]> {
         .map(|&[a, b, c, d, e, f]| [coordinate(a, b), coordinate(c, d), coordinate(e, f)])
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn points(count: usize) -> impl Strategy<Value = Vec<[f32; 3]>> {
+        proptest::collection::vec(proptest::array::uniform3(-1.6_f32..1.6), 0..count)
+    }
+
+    fn scene() -> impl Strategy<Value = Scene> {
+        let class = 1_u8..=6;
+        (
+            class.clone(),
+            points(9),
+            points(9),
+            points(9),
+            points(9),
+            class,
+        )
+            .prop_map(|(class, object, neighbours, free, queries, other)| {
+                let category = |class| Category::from_class(class).unwrap();
+                Scene {
+                    category: category(class),
+                    neighbours: neighbours
+                        .into_iter()
+                        .map(|p| (p, category(other)))
+                        .collect(),
+                    viewpoint: object.first().copied().unwrap_or_default(),
+                    distances_m: queries.iter().map(|[x, _, _]| x.abs()).collect(),
+                    object,
+                    free,
+                    queries,
+                }
+            })
+    }
+
+    proptest! {
+        #[test]
+        fn a_scene_comes_back_to_a_fortieth_of_a_millimetre(scene in scene()) {
+            let mut bytes = Vec::new();
+            encode(&scene, &mut bytes);
+            let back = decode(&bytes).unwrap();
+            prop_assert_eq!(back.category, scene.category);
+            prop_assert_eq!(back.viewpoint, scene.viewpoint);
+            let close = |a: &[[f32; 3]], b: &[[f32; 3]]| {
+                a.len() == b.len()
+                    && a.iter().flatten().zip(b.iter().flatten()).all(|(a, b)| (a - b).abs() < 2.6e-5)
+            };
+            prop_assert!(close(&back.object, &scene.object));
+            prop_assert!(close(&back.free, &scene.free));
+            prop_assert!(close(&back.queries, &scene.queries));
+            for (back, scene) in back.neighbours.iter().zip(&scene.neighbours) {
+                prop_assert!(close(&[back.0], &[scene.0]) && back.1 == scene.1);
+            }
+            prop_assert_eq!(back.neighbours.len(), scene.neighbours.len());
+            for (back, scene) in back.distances_m.iter().zip(&scene.distances_m) {
+                prop_assert!((back - scene).abs() < 2.6e-5);
+            }
+            // What was rounded once stays.
+            let mut again = Vec::new();
+            encode(&back, &mut again);
+            prop_assert_eq!(again, &bytes[..]);
+            for length in 0..bytes.len() {
+                prop_assert!(decode(&bytes[..length]).is_none());
+            }
+        }
+
+        #[test]
+        fn no_bytes_panic(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
+            if let Some(scene) = decode(&bytes) {
+                prop_assert_eq!(scene.queries.len(), scene.distances_m.len());
+            }
+        }
+    }
+}

@@ -132,7 +132,7 @@ impl Mesh {
         Ok((mesh, fingerprint.0))
     }
 
-    fn new(parsed: ply::Triangles, category: Category) -> Result<Self, String> {
+    pub(super) fn new(parsed: ply::Triangles, category: Category) -> Result<Self, String> {
         let ply::Triangles { vertices, faces } = parsed;
         let mut vertices: Vec<Vector> = vertices
             .into_iter()

@@ -16,6 +16,8 @@ mod raster;
 mod scene;
 mod sensor;
 mod stage;
+#[cfg(test)]
+mod tests;
 
 pub use cache::SceneCache;
 pub use mesh_set::MeshSet;

@@ -77,3 +77,41 @@ impl NearGrid {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn point() -> impl Strategy<Value = Vector> {
+        (-0.1..0.1, -0.1..0.1, 0.0..0.1).prop_map(|(x, y, z)| Vector::new(x, y, z))
+    }
+
+    proptest! {
+        #[test]
+        fn agrees_with_looking_at_every_point(
+            points in proptest::collection::vec(point(), 0..60),
+            asked in proptest::collection::vec(point(), 1..20),
+        ) {
+            let bounds = [Vector::new(-0.1, -0.1, 0.0), Vector::splat(0.1)];
+            let grid = NearGrid::new(&points, bounds, 0.03);
+            for point in asked {
+                let near = points.iter().any(|other| other.distance(point) < 0.03);
+                prop_assert_eq!(grid.any_near(point), near);
+            }
+        }
+    }
+
+    #[test]
+    fn points_outside_its_box_are_left_out() {
+        let bounds = [Vector::ZERO, Vector::ONE];
+        let outside = [
+            Vector::splat(-0.01),
+            Vector::splat(1.2),
+            Vector::splat(f64::NAN),
+        ];
+        let grid = NearGrid::new(&outside, bounds, 0.1);
+        assert!(!grid.any_near(Vector::ZERO) && !grid.any_near(Vector::ONE));
+    }
+}

@@ -123,3 +123,82 @@ impl Header {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::{super::tests::ply_bytes, *};
+
+    const TRIANGLE: [[f32; 3]; 3] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0]];
+
+    fn triangle() -> Vec<u8> {
+        ply_bytes(&TRIANGLE, &[[0, 1, 2]])
+    }
+
+    #[test]
+    fn reads_what_the_generator_writes() {
+        let parsed = parse(&triangle()).unwrap();
+        assert_eq!(parsed.vertices, TRIANGLE);
+        assert_eq!(parsed.faces, [[0, 1, 2]]);
+    }
+
+    #[test]
+    fn every_cut_is_noticed() {
+        let whole = triangle();
+        for length in 0..whole.len() {
+            parse(&whole[..length]).unwrap_err();
+        }
+        let longer = [whole, vec![0]].concat();
+        let message = parse(&longer).unwrap_err();
+        assert_eq!(message, "110 bytes follow its header, which announces 109");
+    }
+
+    #[test]
+    fn says_what_is_wrong() {
+        let message = |from: &str, to: &str| {
+            let bytes = triangle();
+            let at = bytes.windows(from.len()).position(|w| w == from.as_bytes());
+            let at = at.unwrap();
+            parse(&[&bytes[..at], to.as_bytes(), &bytes[at + from.len()..]].concat()).unwrap_err()
+        };
+        assert!(message("little", "big").contains("'format binary_big_endian 1.0' for"));
+        assert!(message("vertex 3", "vertex 0").contains("'element vertex' with a count"));
+        assert!(message("vertex 3", "vertex 4").contains("announces 141"));
+        let huge = message("vertex 3", "vertex 4294967295");
+        assert!(huge.contains("109 bytes follow"), "{huge}");
+        assert!(message("face 1", "face 18446744073709551616").contains("'element face'"));
+        assert!(message("float y", "float w").contains("no float property 'y'"));
+        assert!(message("uchar int", "uchar uint").contains("not lists"));
+        assert!(message("property float x", "property double x").contains("'element face'"));
+        let faces = |faces: &[[u32; 3]]| parse(&ply_bytes(&TRIANGLE, faces)).unwrap_err();
+        assert_eq!(faces(&[[0, 1, 3]]), "its face 0 names vertex 3 of 3");
+        assert_eq!(
+            faces(&[[0, 1, u32::MAX]]),
+            "its face 0 names vertex 4294967295 of 3"
+        );
+        let nan = ply_bytes(&[[f32::NAN, 0.0, 0.0]], &[[0, 0, 0]]);
+        assert_eq!(parse(&nan).unwrap_err(), "its vertex 0 is not finite");
+        let mut quad = triangle();
+        let at = quad.len() - FACE_BYTES;
+        quad[at] = 4;
+        assert_eq!(parse(&quad).unwrap_err(), "its face 0 has 4 corners, not 3");
+    }
+
+    proptest! {
+        #[test]
+        fn no_bytes_panic(
+            at in 0_usize..400,
+            value: u8,
+            noise in proptest::collection::vec(any::<u8>(), 0..64),
+        ) {
+            let mut bytes = triangle();
+            let at = at % bytes.len();
+            bytes[at] = value;
+            if let Ok(parsed) = parse(&bytes) {
+                prop_assert!(parsed.faces.iter().flatten().all(|c| *c < 3));
+            }
+            prop_assert!(parse(&noise).is_err());
+        }
+    }
+}

@@ -67,3 +67,56 @@ impl Sensor {
         (z >> 11) as f64 / (1_u64 << 53) as f64
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SENSOR: Sensor = Sensor { key: 5 };
+    const DRAWS: usize = 20_000;
+
+    fn lost(depth_m: f64, depth_range_m: [f64; 2], angle_deg: f64) -> f64 {
+        let at = Surroundings {
+            depth_range_m,
+            cosine: -angle_deg.to_radians().cos(),
+        };
+        let lost = (0..DRAWS).filter(|pixel| SENSOR.loses(*pixel, depth_m, at));
+        lost.count() as f64 / DRAWS as f64
+    }
+
+    #[test]
+    fn noise_grows_with_the_square_of_depth() {
+        for depth in [0.3, 0.5] {
+            let errors: Vec<f64> = (0..DRAWS).map(|p| SENSOR.depth(p, depth) - depth).collect();
+            let mean = errors.iter().sum::<f64>() / DRAWS as f64;
+            let variance = errors.iter().map(|e| e * e).sum::<f64>() / DRAWS as f64;
+            // z^2 s / (f B); the disparity's quantum adds a twelfth of its square.
+            let expected = depth * depth * (0.01_f64 + 1.0 / 1024.0 / 12.0).sqrt() / 16.0;
+            assert!(
+                (variance.sqrt() / expected - 1.0).abs() < 0.03,
+                "{variance}"
+            );
+            assert!(mean.abs() < 0.05 * expected, "{mean}");
+        }
+    }
+
+    #[test]
+    fn loses_edges_grazing_surfaces_and_what_is_too_near() {
+        assert_eq!(lost(0.5, [0.495, 0.505], 60.0), 0.0);
+        assert_eq!(lost(0.5, [0.5, 0.5], 69.9), 0.0);
+        assert_eq!(lost(0.5, [0.5, 0.5], 85.1), 1.0);
+        assert!((lost(0.5, [0.5, 0.5], 77.5) - 0.5).abs() < 0.02);
+        assert!((lost(0.5, [0.48, 0.5], 0.0) - 0.5).abs() < 0.02);
+        assert!((lost(0.5, [0.5, f64::INFINITY], 0.0) - 0.5).abs() < 0.02);
+        assert_eq!(lost(0.199, [0.199, 0.199], 0.0), 1.0);
+    }
+
+    #[test]
+    fn a_pixels_noise_depends_on_nothing_else() {
+        let depths: Vec<f64> = (0..9).map(|pixel| SENSOR.depth(pixel, 0.4)).collect();
+        let again: Vec<f64> = (0..9).rev().map(|pixel| SENSOR.depth(pixel, 0.4)).collect();
+        assert!(depths.iter().eq(again.iter().rev()));
+        assert!(depths.iter().any(|depth| *depth != depths[0]));
+        assert_ne!(Sensor { key: 6 }.uniform(3, 0), SENSOR.uniform(3, 0));
+    }
+}
