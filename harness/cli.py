@@ -48,8 +48,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for part in (cli_data.commands, cli_study.commands):
-    app.registered_commands += part.registered_commands
 
 wiring = Wiring()
 """What the commands run on."""
@@ -250,6 +248,10 @@ def render(
         f"{len(pictures.files)} pictures in {pictures.folder}; all in one: {pictures.montage}"
     )
     return EXIT_OK
+
+
+for part in (cli_study.commands, cli_data.commands):
+    app.registered_commands += part.registered_commands
 
 
 def check_python(version: tuple[int, int]) -> None:

@@ -1,18 +1,24 @@
-"""Commands that study runs: `compare`."""
+"""Commands that study models: `compare` and `tune`."""
 
 from __future__ import annotations
 
-from pathlib import Path  # noqa: TC003 - typer reads annotations at run time
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 import typer
-from rich.console import Group
+from rich.console import Console, Group
+from rich.progress import Progress as ProgressBar, TaskID
+from rich.table import Table
 from rich.text import Text
 
-from harness.cli_parts import EXIT_OK, stdout
+from harness.cli_parts import EXIT_OK, number_option, print_line, stdout
 from harness.results import Comparison, compare_runs
 from harness.table.brief import difference_grids
 from harness.table.cells import INTERVALS, cell_label, object_count, scene_count
+from harness.table.summary import MODEL_ORDER
+
+if TYPE_CHECKING:
+    from harness.tuning.run import Step, Tuned
 
 commands = typer.Typer()
 
@@ -75,3 +81,107 @@ def _about(found: Comparison) -> str:
             f"{found.only_second} of the second."
         )
     return "\n".join(lines)
+
+
+@commands.command(
+    epilog=(
+        "[bold]Examples[/bold]\n\n"
+        "All models, as the defaults were chosen:  [cyan]harness tune[/cyan]\n\n"
+        "One model under other settings:  "
+        "[cyan]harness tune --model metric --config embedding.toml[/cyan]\n\n"
+        "WORK/tuned.toml holds the chosen keys; WORK/tune.json every trial and each parameter's "
+        "curve."
+    )
+)
+def tune(
+    *,
+    work: Annotated[
+        Path, typer.Option(metavar="WORK", help="Folder of the meshes and of what is found.")
+    ] = Path("data/tune"),
+    split: Annotated[
+        Literal["validation", "train"],
+        typer.Option(help="Split of the objects; the test split is for measuring alone."),
+    ] = "validation",
+    scenes: Annotated[int, number_option("Scenes of each class, each of its own object.")] = 12,
+    seed: Annotated[int, number_option("Seed of the meshes and the scenes.")] = 1,
+    test_points: Annotated[int, number_option("Test points of each test set.")] = 400,
+    model: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Model to tune and recalibrate; again for more."),
+    ] = None,
+    config: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="TOML, as for bench: where the searches begin."),
+    ] = None,
+) -> int:
+    """Choose hyperparameters and recalibrations by the log loss of validation scenes."""
+    from harness.tuning.run import TuneOptions, tune
+
+    options = TuneOptions(
+        work=work,
+        split=split,
+        scenes=scenes,
+        seed=seed,
+        test_points=test_points,
+        models=tuple(model or MODEL_ORDER),
+        config=config,
+    )
+    with TuneProgress(Console(stderr=True)) as progress:
+        found = tune(options, progress=progress)
+    console = stdout()
+    console.print(_tuned_table(found))
+    for scene_id, why in found.lost.items():
+        print_line(f"{scene_id} is left out: {why}")
+    print_line(f"\n{found.toml}")
+    files = " and ".join(map(str, found.files))
+    print_line(f"in {found.seconds:.0f} s; written to {files}")
+    return EXIT_OK
+
+
+class TuneProgress:
+    """A bar for each stage on a terminal, a line for each step elsewhere.
+
+    Parameters
+    ----------
+    console
+        Where to write.
+    """
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._bar = ProgressBar(console=console, disable=not console.is_terminal)
+        self._tasks: dict[str, TaskID] = {}
+
+    def __enter__(self) -> Self:
+        self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.stop()
+
+    def __call__(self, step: Step) -> None:
+        """Show a step."""
+        if not self._console.is_terminal:
+            total = "" if step.total is None else f"/{step.total}"
+            self._console.print(
+                f"{step.stage} {step.done}{total} {step.text}", highlight=False, soft_wrap=True
+            )
+            return
+        if step.stage not in self._tasks:
+            self._tasks[step.stage] = self._bar.add_task(step.stage, total=step.total)
+        about = f"{step.stage} {step.done} {step.text}"
+        self._bar.update(self._tasks[step.stage], completed=step.done, description=about)
+
+
+def _tuned_table(found: Tuned) -> Table:
+    """Lay out each model's log loss and calibration error, before and after recalibration."""
+    table = Table(box=None, pad_edge=False, padding=(0, 0, 0, 2), header_style="")
+    for name in ("", "trials", "log loss", "recalibrated", "ECE", "recalibrated"):
+        table.add_column(name, justify="right" if name else "left", no_wrap=True)
+    for model, item in found.calibrations.items():
+        trials = len(found.searches[model].trials) if model in found.searches else 0
+        values = (item.log_loss_before, item.log_loss_after, item.ece_before, item.ece_after)
+        table.add_row(
+            model.replace("_", " "), str(trials or ""), *(f"{value:.4f}" for value in values)
+        )
+    return table

@@ -1,0 +1,1 @@
+"""Hyperparameters and recalibration, chosen by the likelihood of validation scenes."""

@@ -1,0 +1,122 @@
+"""Validation scenes, simulated and mapped once, that any setting can be asked about."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from harness.assets import generate_assets
+from harness.errors import InputError
+from harness.protocol import draw_test_points, true_categories
+from harness.runs.job import plan_jobs
+from harness.scene_run import SceneFailure, find_mapped, map_scene, mesh_truth, scene_spec
+from harness.scoring import Answers
+from sim_scenes import SceneError, load_object_set, simulate
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    import numpy.typing as npt
+
+    from harness.config import Config
+    from harness.native import Pipeline, TrainingSet
+
+    Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class TuningScene:
+    """A mapped scene with its training points and the test points of all test sets.
+
+    Attributes
+    ----------
+    category
+        The target's.
+    object_id
+        Its id in the map.
+    points : (n, 3) float64
+        Test points, metres.
+    truth : (n,) bool
+        Whether each lies on an object of the target's category.
+    """
+
+    scene_id: str
+    category: str
+    pipeline: Pipeline
+    object_id: int
+    training: TrainingSet
+    points: Floats
+    truth: npt.NDArray[np.bool_]
+
+    def probability(self, *, model: str, settings: dict[str, Any]) -> Floats:
+        """Raw probability (n,) of the target's category under a ``[pipeline]`` table."""
+        self.pipeline.reconfigure(json.dumps(settings, sort_keys=True))
+        predictions = self.pipeline.classify(
+            self.object_id, self.training, self.points, model=model
+        )
+        return Answers(predictions, slice(None)).probability(self.category)
+
+
+def validation_folder(work: Path, *, config: Config, split: str, count: int, seed: int) -> Path:
+    """Write meshes of a split, `count` of each class, and return their folder.
+
+    The same arguments give the same bytes, so that a folder from before is written over.
+    """
+    folder = work / "meshes" / f"{split}-{seed}"
+    try:
+        generate_assets(
+            folder, split=split, seed=seed, counts=dict.fromkeys(config.run.classes, count)
+        )
+    except (ValueError, OSError) as error:
+        raise InputError(" ".join(str(error).split())) from error
+    return folder
+
+
+def tuning_scenes(
+    config: Config, *, folder: Path, test_points: int, lost: Callable[[str, str], None]
+) -> Iterator[TuningScene]:
+    """Simulate and map a run's scenes of the objects in a folder.
+
+    Parameters
+    ----------
+    config
+        Scenes, protocol and pipeline; ``run.scenes`` of each class.
+    folder
+        Meshes with a manifest.
+    test_points
+        Of each test set.
+    lost
+        Told the id of each scene that cannot be had, and why.
+    """
+    objects = load_object_set(folder)
+    for job in plan_jobs(config, objects.models):
+        try:
+            scene = simulate(scene_spec(job, config), seed=job.seed, objects=objects)
+            target = scene.objects[0]
+            pipeline = map_scene(scene, config=config)
+            mapped = find_mapped(pipeline.objects(), target)
+        except (SceneError, SceneFailure) as error:
+            lost(job.scene_id, str(error))
+            continue
+        points = np.concatenate(
+            [
+                draw_test_points(target, test_set=name, count=test_points, seed=job.seed)
+                for name in config.protocol.test_sets
+            ]
+        )
+        distances_m = np.stack([mesh_truth(item).distances(points) for item in scene.objects])
+        tolerance_m = config.protocol.reported_tolerance_m
+        true = true_categories(distances_m, scene.objects, tolerance_m=tolerance_m)
+        yield TuningScene(
+            scene_id=job.scene_id,
+            category=target.category,
+            pipeline=pipeline,
+            object_id=mapped.id,
+            training=pipeline.training_set(mapped.id, seed=job.seed),
+            points=points,
+            truth=true == target.category,
+        )
