@@ -60,4 +60,10 @@ pub enum TrainError {
         /// The file.
         path: PathBuf,
     },
+    /// What the networks and their files refuse.
+    #[error(transparent)]
+    Network(#[from] credence_nn::NnError),
+    /// What the embedding refuses.
+    #[error(transparent)]
+    Embed(#[from] credence_embed::EmbedError),
 }

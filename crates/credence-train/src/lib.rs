@@ -2,5 +2,6 @@
 
 pub mod data;
 mod error;
+pub mod metric;
 
 pub use error::TrainError;

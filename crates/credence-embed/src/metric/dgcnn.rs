@@ -1,0 +1,298 @@
+use burn::{
+    module::Module,
+    nn::{BatchNorm, BatchNormConfig, Linear, LinearConfig},
+    tensor::{Device, Int, Tensor, TensorData, activation::leaky_relu},
+};
+use credence_nn::edge_conv::{EdgeConv, NEGATIVE_SLOPE};
+use rayon::prelude::*;
+
+use super::{clouds::CloudBatch, network::MetricWidths};
+
+/// Per-point logits of a cloud (Wang et al. 2019, the network for part segmentation).
+///
+/// All three edge convolutions use the k nearest neighbours in space. The published network looks
+/// for neighbours among its own features anew in every layer, which here would cost three times
+/// more than the layers do: the second layer's neighbours would have to be searched in 64
+/// dimensions, where no tree helps.
+#[derive(Module, Debug)]
+pub(super) struct Dgcnn {
+    edges: [EdgeConv; 3],
+    points: [PointLayer; 2],
+    code: Linear,
+    code_norm: BatchNorm,
+    from_code: Linear,
+    from_point: Linear,
+    decoder_norm: BatchNorm,
+    decoder: PointLayer,
+    logits: Linear,
+}
+
+impl Dgcnn {
+    pub(super) fn new(widths: &MetricWidths, device: &Device) -> Self {
+        let edge = widths.edge;
+        let [first, second] = widths.decoder;
+        // Normalisation follows: a bias would cancel.
+        let linear = |inputs, outputs| {
+            LinearConfig::new(inputs, outputs)
+                .with_bias(false)
+                .init(device)
+        };
+        Self {
+            edges: [3, edge, edge].map(|inputs| EdgeConv::new(inputs, edge, device)),
+            points: [(); 2].map(|()| PointLayer::new(edge, edge, device)),
+            code: linear(3 * edge, widths.code),
+            code_norm: BatchNormConfig::new(widths.code).init(device),
+            from_code: linear(widths.code, first),
+            from_point: linear(3 * edge, first),
+            decoder_norm: BatchNormConfig::new(first).init(device),
+            decoder: PointLayer::new(first, second, device),
+            logits: LinearConfig::new(second, widths.logits).init(device),
+        }
+    }
+
+    /// Logits of the points in `rows` (of all points when `None`), which must hold equally many
+    /// of every cloud, cloud by cloud.
+    pub(super) fn forward(&self, batch: &CloudBatch, rows: Option<Tensor<1, Int>>) -> Tensor<2> {
+        let features = self.point_features(batch);
+        let code = self.cloud_codes(&features, batch.clouds());
+        let features = match rows {
+            Some(rows) => features.select(0, rows),
+            None => features,
+        };
+        // The layer on [code, features] is the sum of a layer on each: the code's is computed
+        // once per cloud.
+        let from_point = self.from_point.forward(features);
+        let [points, width] = from_point.dims();
+        let clouds = batch.clouds();
+        let hidden = (from_point.reshape([clouds, points / clouds, width])
+            + self.from_code.forward(code).reshape([clouds, 1, width]))
+        .reshape([points, width]);
+        let hidden = leaky_relu(self.decoder_norm.forward(hidden), NEGATIVE_SLOPE);
+        self.logits.forward(self.decoder.forward(hidden))
+    }
+
+    /// The three edge convolutions' features side by side, `[rows, 3 * edge]`.
+    fn point_features(&self, batch: &CloudBatch) -> Tensor<2> {
+        let [first, second, third] = &self.edges;
+        let [after_first, after_second] = &self.points;
+        let device = self.logits.weight.val().device();
+        let graph = batch.graph();
+        let a = after_first.forward(first.forward(batch.coordinates(&device), graph));
+        let b = after_second.forward(second.forward(a.clone(), graph));
+        let c = third.forward(b.clone(), graph);
+        Tensor::cat(vec![a, b, c], 1)
+    }
+
+    /// One code per cloud: every channel's strongest response over the cloud's points, normalised
+    /// after the maximum.
+    ///
+    /// The gradient reaches only the winning point of each channel, so the responses of all
+    /// points are computed outside autodiff and the winners' once more inside.
+    fn cloud_codes(&self, features: &Tensor<2>, clouds: usize) -> Tensor<2> {
+        let weight = self.code.weight.val();
+        let [inputs, channels] = weight.dims();
+        let responses = features
+            .clone()
+            .inner()
+            .matmul(weight.clone().inner())
+            .into_data();
+        let responses: &[f32] = responses
+            .as_slice()
+            .unwrap_or_else(|_| unreachable!("features are f32"));
+        let winners = strongest_rows(responses, channels, clouds);
+        let winners = Tensor::from_data(
+            TensorData::new(winners, [clouds * channels]),
+            &features.device(),
+        );
+        let winners = features
+            .clone()
+            .select(0, winners)
+            .reshape([clouds, channels, inputs]);
+        let responses = (winners * weight.transpose().reshape([1, channels, inputs]))
+            .sum_dim(2)
+            .reshape([clouds, channels]);
+        leaky_relu(self.code_norm.forward(responses), NEGATIVE_SLOPE)
+    }
+}
+
+/// The row with the largest response per cloud and channel, `[clouds * channels]`; the first of
+/// equals.
+fn strongest_rows(responses: &[f32], channels: usize, clouds: usize) -> Vec<i32> {
+    let cloud_len = responses.len() / clouds;
+    let mut winners = vec![0_i32; clouds * channels];
+    winners
+        .par_chunks_mut(channels)
+        .zip(responses.par_chunks(cloud_len))
+        .enumerate()
+        .for_each(|(cloud, (winners, responses))| {
+            let first_row = cloud * cloud_len / channels;
+            let mut best = responses[..channels].to_vec();
+            winners.fill(first_row as i32);
+            for (row, responses) in responses.chunks_exact(channels).enumerate().skip(1) {
+                for ((best, winner), &response) in
+                    best.iter_mut().zip(winners.iter_mut()).zip(responses)
+                {
+                    let larger = response > *best;
+                    *best = if larger { response } else { *best };
+                    *winner = if larger {
+                        (first_row + row) as i32
+                    } else {
+                        *winner
+                    };
+                }
+            }
+        });
+    winners
+}
+
+/// A layer applied to every point by itself.
+#[derive(Module, Debug)]
+struct PointLayer {
+    linear: Linear,
+    norm: BatchNorm,
+}
+
+impl PointLayer {
+    fn new(inputs: usize, outputs: usize, device: &Device) -> Self {
+        Self {
+            linear: LinearConfig::new(inputs, outputs)
+                .with_bias(false)
+                .init(device),
+            norm: BatchNormConfig::new(outputs).init(device),
+        }
+    }
+
+    fn forward(&self, x: Tensor<2>) -> Tensor<2> {
+        leaky_relu(self.norm.forward(self.linear.forward(x)), NEGATIVE_SLOPE)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+
+    use credence_nn::seed_parameters;
+    use credence_types::stream;
+    use rand::RngExt as _;
+
+    use super::*;
+
+    const WIDTHS: MetricWidths = MetricWidths {
+        edge: 4,
+        code: 6,
+        decoder: [8, 5],
+        logits: 3,
+        head: [4, 4, 4],
+    };
+    const POINTS: usize = 30;
+
+    fn cloud(seed: u64) -> Vec<[f32; 3]> {
+        let mut rng = stream(seed, "cloud");
+        (0..POINTS)
+            .map(|_| [(); 3].map(|()| rng.random_range(-1.0..1.0)))
+            .collect()
+    }
+
+    fn network(device: &Device) -> Dgcnn {
+        seed_parameters(Dgcnn::new(&WIDTHS, device), &mut stream(1, "weights"))
+    }
+
+    fn values(tensor: Tensor<2>) -> Vec<f32> {
+        tensor.into_data().iter::<f32>().collect()
+    }
+
+    fn close(a: &[f32], b: &[f32]) -> bool {
+        a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-4)
+    }
+
+    #[test]
+    fn a_cloud_in_a_batch_has_the_logits_it_has_alone() {
+        let network = network(&Device::flex().autodiff()).valid();
+        let (a, b) = (cloud(1), cloud(2));
+        let both = values(network.forward(&CloudBatch::new(&[&a, &b]).unwrap(), None));
+        let alone = values(network.forward(&CloudBatch::new(&[&b]).unwrap(), None));
+        assert!(close(&both[POINTS * WIDTHS.logits..], &alone));
+        let chosen = [3_i32, 0, POINTS as i32 + 7, POINTS as i32 + 1];
+        let rows = Tensor::from_data(TensorData::new(chosen.to_vec(), [4]), &Device::flex());
+        let some = values(network.forward(&CloudBatch::new(&[&a, &b]).unwrap(), Some(rows)));
+        for (row, some) in chosen.iter().zip(some.chunks(WIDTHS.logits)) {
+            assert!(close(
+                &both[*row as usize * WIDTHS.logits..][..WIDTHS.logits],
+                some
+            ));
+        }
+    }
+
+    #[test]
+    fn a_permutation_of_the_cloud_permutes_the_logits() {
+        let network = network(&Device::flex().autodiff()).valid();
+        let first = cloud(1);
+        let reversed: Vec<[f32; 3]> = first.iter().rev().copied().collect();
+        let logits =
+            |cloud: &[[f32; 3]]| values(network.forward(&CloudBatch::new(&[cloud]).unwrap(), None));
+        let (forth, back) = (logits(&first), logits(&reversed));
+        for (forth, back) in forth
+            .chunks(WIDTHS.logits)
+            .zip(back.chunks(WIDTHS.logits).rev())
+        {
+            assert!(close(forth, back), "{forth:?} is not {back:?}");
+        }
+    }
+
+    #[test]
+    fn the_code_is_the_maximum_of_all_points_responses_with_its_gradient() {
+        let device = Device::flex().autodiff();
+        let network = network(&device);
+        let mut rng = stream(2, "features");
+        let draws: Vec<f32> = (0..3 * 4 * 12)
+            .map(|_| rng.random_range(-1.0..1.0))
+            .collect();
+        let tensor = || {
+            let data = TensorData::new(draws.clone(), [3 * 4, 12]);
+            Tensor::<2>::from_data(data, &device).require_grad()
+        };
+        let (sparse, dense) = (tensor(), tensor());
+        let upstream = Tensor::<2>::from_data([[1.0_f32, 2.0, -1.0, 0.5, 3.0, -2.0]; 3], &device);
+
+        let code = network.cloud_codes(&sparse, 3);
+        let responses = dense
+            .clone()
+            .matmul(network.code.weight.val())
+            .reshape([3, 4, WIDTHS.code])
+            .max_dim(1)
+            .reshape([3, WIDTHS.code]);
+        let expected = leaky_relu(network.code_norm.forward(responses), NEGATIVE_SLOPE);
+        assert!(close(&values(code.clone()), &values(expected.clone())));
+
+        // A square: what batch normalisation centres gives a plain sum no gradient.
+        let gradient = |code: Tensor<2>, at: &Tensor<2>| {
+            let loss = ((code + 0.3) * upstream.clone()).powi_scalar(2).sum();
+            let grads = loss.backward();
+            let weight = network.code.weight.val().grad(&grads).unwrap();
+            (values(at.grad(&grads).unwrap()), values(weight))
+        };
+        let (sparse_x, sparse_w) = gradient(code, &sparse);
+        let (dense_x, dense_w) = gradient(expected, &dense);
+        assert!(
+            close(&sparse_x, &dense_x),
+            "{sparse_x:?} is not {dense_x:?}"
+        );
+        assert!(
+            close(&sparse_w, &dense_w),
+            "{sparse_w:?} is not {dense_w:?}"
+        );
+    }
+
+    #[test]
+    fn every_weight_gets_a_gradient() {
+        let device = Device::flex().autodiff();
+        let network = network(&device);
+        let (a, b) = (cloud(1), cloud(2));
+        let loss = network
+            .forward(&CloudBatch::new(&[&a, &b]).unwrap(), None)
+            .powi_scalar(2)
+            .mean();
+        let grads = burn::optim::GradientsParams::from_grads(loss.backward(), &network);
+        // Ten layers' weights, scales and shifts of eight normalisations, and one bias.
+        assert_eq!(grads.len(), 10 + 2 * 8 + 1);
+    }
+}
