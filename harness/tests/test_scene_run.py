@@ -209,6 +209,22 @@ def test_the_number_of_threads_changes_no_bit(result: SceneResult) -> None:
     assert digests == [digest(result)] * 2
 
 
+def test_fewer_views_look_at_the_same_scene(scene: Scene) -> None:
+    once = CONFIG.model_copy(update={"scenes": CONFIG.scenes.model_copy(update={"views": 1})})
+    fewer = simulate_job(JOB, once)
+    assert (len(fewer.frames), len(scene.frames)) == (1, 3)
+    assert fewer.redraw_count == scene.redraw_count
+    for mine, theirs in zip(fewer.objects, scene.objects, strict=True):
+        assert mine.name == theirs.name
+        assert_array_equal(mine.world_from_object, theirs.world_from_object)
+    # What a comparison of runs relies on: the points asked about are the same.
+    rates = [
+        evaluate_scene(item, job=JOB, config=config, clock=StageClock(JOB.scene_id))
+        for item, config in ((fewer, once), (scene, CONFIG))
+    ]
+    assert [r.base_rate for r in rates[0].records] == [r.base_rate for r in rates[1].records]
+
+
 def test_every_stage_is_timed_once() -> None:
     result = run_scene(JOB, CONFIG)
     assert [timing.stage for timing in result.timings] == ["render", *STAGES]
