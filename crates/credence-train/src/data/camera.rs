@@ -26,7 +26,7 @@ impl Camera {
     }
 
     /// A world point in camera axes: right, down, depth.
-    pub(super) fn to_camera(&self, world: Vector) -> Vector {
+    pub(super) fn camera_point(&self, world: Vector) -> Vector {
         let offset = world - self.eye;
         Vector::from_array(self.axes.map(|axis| axis.dot(offset)))
     }

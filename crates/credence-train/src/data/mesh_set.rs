@@ -162,9 +162,9 @@ impl Mesh {
                 (low.min(*vertex), high.max(*vertex))
             });
         let size = high - low;
-        if !(size.max_element() < MAX_SIZE_M) {
+        if size.max_element() >= MAX_SIZE_M {
             return Err(format!(
-                "it measures {:.3} m, more than {MAX_SIZE_M} m: its unit is not the metre",
+                "it measures {:.3} m, at least {MAX_SIZE_M} m: its unit is not the metre",
                 size.max_element()
             ));
         }

@@ -7,6 +7,7 @@
 mod cache;
 mod camera;
 mod codec;
+mod command;
 mod mesh_set;
 mod near;
 mod observe;
@@ -20,5 +21,6 @@ mod stage;
 mod tests;
 
 pub use cache::SceneCache;
+pub use command::DataCommand;
 pub use mesh_set::MeshSet;
 pub use scene::Scene;

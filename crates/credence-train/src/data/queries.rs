@@ -17,14 +17,14 @@ pub(super) fn ask(target: &Placed<'_>, rng: &mut impl Rng) -> Vec<(Vector, f64)>
     let mut points: Vec<Vector> = (0..QUERIES / 2)
         .map(|_| {
             let sigma = SIGMAS_M[rng.random_range(0..SIGMAS_M.len())];
-            target.to_world(target.mesh.surface_point(rng)) + sigma * normals(rng)
+            target.world_point(target.mesh.surface_point(rng)) + sigma * normals(rng)
         })
         .collect();
     let padding = BOX_PADDING_M / target.scale;
     let [x, y] = target.mesh.half_extents.map(|half| half + padding);
     points.extend((0..QUERIES / 2).map(|_| {
         let [a, b, c] = [(); 3].map(|()| rng.random::<f64>());
-        target.to_world(Vector::new(
+        target.world_point(Vector::new(
             x * (2.0 * a - 1.0),
             y * (2.0 * b - 1.0),
             (target.mesh.height + padding) * c,

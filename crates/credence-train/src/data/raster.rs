@@ -29,7 +29,7 @@ impl Window {
         let mut low = [WIDTH as f64, HEIGHT as f64];
         let mut high = [-1.0, -1.0];
         for corner in corners {
-            let mut point = camera.to_camera(corner);
+            let mut point = camera.camera_point(corner);
             point.z = point.z.max(NEAR_M);
             for (axis, at) in Camera::project(point).into_iter().enumerate() {
                 low[axis] = at.min(low[axis]);
@@ -94,7 +94,7 @@ impl Raster {
     pub(super) fn draw(&mut self, camera: &Camera, placed: &Placed<'_>, object: u32) -> bool {
         let mut projected = Vec::with_capacity(placed.mesh.vertices.len());
         for vertex in &placed.mesh.vertices {
-            let point = camera.to_camera(placed.to_world(*vertex));
+            let point = camera.camera_point(placed.world_point(*vertex));
             if point.z < NEAR_M {
                 return false;
             }

@@ -55,7 +55,7 @@ impl Sensor {
             || self.uniform(pixel, 3) < (angle - begin) / (end - begin)
     }
 
-    /// A number in [0, 1) by the pixel and the purpose: SplitMix64's finaliser (Steele et al. 2014).
+    /// A number in [0, 1) by the pixel and the purpose: `SplitMix64`'s finaliser (Steele et al. 2014).
     fn uniform(self, pixel: usize, purpose: u64) -> f64 {
         const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
         let mut z = self

@@ -56,7 +56,7 @@ impl<'a> Placed<'a> {
         Self::new(mesh, scale, rng.random::<f64>() * TAU, [0.0; 2])
     }
 
-    pub(super) fn to_world(&self, local: Vector) -> Vector {
+    pub(super) fn world_point(&self, local: Vector) -> Vector {
         let turned = self.turn(local) * self.scale;
         turned + Vector::new(self.centre[0], self.centre[1], 0.0)
     }
@@ -71,7 +71,7 @@ impl<'a> Placed<'a> {
         )
     }
 
-    pub(super) fn to_local(&self, world: Vector) -> Vector {
+    pub(super) fn local_point(&self, world: Vector) -> Vector {
         let [cos, sin] = self.yaw;
         let [x, y] = [world.x - self.centre[0], world.y - self.centre[1]];
         Vector::new(cos * x + sin * y, cos * y - sin * x, world.z) / self.scale
@@ -79,7 +79,7 @@ impl<'a> Placed<'a> {
 
     /// Distance of a world point from the surface, metres.
     pub(super) fn distance_m(&self, world: Vector) -> f64 {
-        self.scale * self.mesh.distance(self.to_local(world))
+        self.scale * self.mesh.distance(self.local_point(world))
     }
 
     /// Radius of the circle about its centre that holds it.
@@ -94,7 +94,7 @@ impl<'a> Placed<'a> {
         let z = [-padding, self.mesh.height + padding];
         (0..8).map(move |corner| {
             let side = |bit: usize, half: f64| if corner & bit == 0 { -half } else { half };
-            self.to_world(Vector::new(side(1, x), side(2, y), z[corner >> 2]))
+            self.world_point(Vector::new(side(1, x), side(2, y), z[corner >> 2]))
         })
     }
 }
@@ -207,7 +207,7 @@ fn in_image(camera: &Camera, target: &Placed<'_>) -> bool {
     let border = BORDER_SHARE * WIDTH as f64;
     let limits = [WIDTH, HEIGHT].map(|size| (size - 1) as f64 - border);
     target.mesh.vertices.iter().all(|vertex| {
-        let point = camera.to_camera(target.to_world(*vertex));
+        let point = camera.camera_point(target.world_point(*vertex));
         let [u, v] = Camera::project(point);
         point.z > 0.0 && (border..=limits[0]).contains(&u) && (border..=limits[1]).contains(&v)
     })
@@ -234,7 +234,7 @@ impl View {
 
     /// Whether the sensor looked through a point and `margin_m` beyond it, measured along the depth.
     pub(super) fn sees_through(&self, world: Vector, margin_m: f64) -> bool {
-        let point = self.camera.to_camera(world);
+        let point = self.camera.camera_point(world);
         if point.z <= 0.0 {
             return false;
         }

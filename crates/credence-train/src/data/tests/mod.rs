@@ -102,7 +102,7 @@ fn write_boxes(folder: &Path) {
     fs::write(folder.join("MANIFEST.json"), manifest).unwrap();
 }
 
-fn boxes() -> (tempfile::TempDir, MeshSet) {
+pub(super) fn boxes() -> (tempfile::TempDir, MeshSet) {
     let folder = tempfile::tempdir().unwrap();
     write_boxes(folder.path());
     let meshes = MeshSet::open(folder.path()).unwrap();
@@ -148,7 +148,7 @@ fn bad_meshes_are_named() {
     assert!(bad(&flat).contains("its faces have no area"));
     let in_millimetres = cuboid([60.0, 60.0, 80.0]);
     let in_millimetres = ply_bytes(&in_millimetres.vertices, &in_millimetres.faces);
-    assert!(bad(&in_millimetres).contains("80.000 m, more than 1 m"));
+    assert!(bad(&in_millimetres).contains("80.000 m, at least 1 m"));
     fs::remove_file(folder.join("can-1.ply")).unwrap();
     assert!(message().contains("can-1.ply: ") && message().starts_with("cannot read "));
 

@@ -57,7 +57,11 @@ fn depth_is_what_rays_through_the_pixel_centres_hit() {
     let mut raster = Raster::table(&camera, window);
     assert!(raster.draw(&camera, &placed, 0));
 
-    let vertices = mesh.vertices.iter().map(|v| placed.to_world(*v)).collect();
+    let vertices = mesh
+        .vertices
+        .iter()
+        .map(|v| placed.world_point(*v))
+        .collect();
     let oracle = TriMesh::new(vertices, mesh.faces.clone()).unwrap();
     let (mut on_object, mut differ) = (0, 0);
     for pixel in 0..window.width * window.height {
@@ -67,20 +71,20 @@ fn depth_is_what_rays_through_the_pixel_centres_hit() {
         let hit = oracle.cast_local_ray(&ray, table, false);
         let is_object = raster.owners[pixel] != Owner::TABLE;
         on_object += usize::from(is_object);
-        if is_object != hit.is_some() {
-            // Rounding decides whether a ray passes beside an outline.
-            differ += 1;
-        } else {
+        if is_object == hit.is_some() {
             let expected = hit.unwrap_or(table);
             let depth = raster.depth(pixel);
             assert!(
                 (depth - expected).abs() < 1e-6,
                 "{pixel}: {depth} {expected}"
             );
+        } else {
+            // Rounding decides whether a ray passes beside an outline.
+            differ += 1;
         }
         let at = camera.ray(u as f64, v as f64) * 0.3 + eye;
         assert_eq!(
-            raster.pixel_at(Camera::project(camera.to_camera(at))),
+            raster.pixel_at(Camera::project(camera.camera_point(at))),
             Some(pixel)
         );
     }
@@ -102,7 +106,7 @@ fn a_window_holds_the_box_and_stays_in_the_image() {
     let corners = [Vector::new(0.0, -0.1, 0.0), Vector::new(0.0, 0.1, 0.05)];
     let window = Window::around(&camera, corners.into_iter());
     for corner in corners {
-        let [u, v] = Camera::project(camera.to_camera(corner));
+        let [u, v] = Camera::project(camera.camera_point(corner));
         assert!(u >= window.left as f64 && u <= (window.left + window.width) as f64);
         assert!(v >= window.top as f64 && v <= (window.top + window.height) as f64);
     }
