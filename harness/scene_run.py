@@ -4,23 +4,24 @@ from __future__ import annotations
 
 import time
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from harness.native import MeshTruth, Pipeline, nearest_observation
 from harness.protocol import COMPLETIONS, draw_test_points, true_categories
-from harness.runs.records import Record, SceneResult, Timing, Variant
+from harness.runs.records import SceneResult, Timing, Variant
 from harness.scoring import Answers, confusion, score
 from sim_scenes import DepthNoise, SceneSpec, load_object_set, simulate
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    import numpy.typing as npt
+
     from harness.config import Config
-    from harness.native import MappedObject
-    from harness.runs.confusion import Confusion
+    from harness.native import MappedObject, Predictions, TrainingSet
     from harness.runs.job import SceneJob
     from sim_scenes import Scene, SceneObject
 
@@ -44,7 +45,11 @@ class StageClock:
         self.add(name, time.perf_counter() - start, model=model)
 
     def add(self, name: str, seconds: float, *, model: str | None = None) -> None:
-        """Note a stage that was timed elsewhere."""
+        """Note a stage that was timed elsewhere; what one stage takes adds up."""
+        for index, timing in enumerate(self.timings):
+            if (timing.stage, timing.model) == (name, model):
+                self.timings[index] = replace(timing, seconds=timing.seconds + seconds)
+                return
         self.timings.append(
             Timing(scene_id=self.scene_id, stage=name, model=model, seconds=seconds)
         )
@@ -158,28 +163,39 @@ def evaluate_scene(
         distances_m = np.stack([mesh_truth(item).distances(test_points) for item in scene.objects])
     data_distance_m = nearest_observation(points=test_points, observed=training.points_world)
 
-    records: list[Record] = []
-    confusions: list[Confusion] = []
+    result = SceneResult(records=[], timings=clock.timings)
     for model in pipeline.models:
         predictions = pipeline.classify(mapped.id, training, test_points, model=model)
         if model == pipeline.models[0]:
             pipeline.annotate(mapped.id, test_points, predictions)
-        with clock.stage("score", model=model):
-            for number, test_set in enumerate(protocol.test_sets):
-                part = slice(number * protocol.test_points, (number + 1) * protocol.test_points)
-                answers = Answers(predictions, part)
+        for number, test_set in enumerate(protocol.test_sets):
+            part = slice(number * protocol.test_points, (number + 1) * protocol.test_points)
+            points = np.ascontiguousarray(test_points[part])
+            share = _clamped_share(
+                pipeline, mapped, training, points, of_all=predictions, model=model
+            )
+            answers = Answers(predictions, part, share)
+            with clock.stage("score", model=model):
                 for tolerance_m in protocol.tolerances_m:
                     true = true_categories(
                         distances_m[:, part], scene.objects, tolerance_m=tolerance_m
                     )
-                    result = {
+                    identity = {
                         "scene_id": job.scene_id,
                         "model": model,
                         "completion": COMPLETIONS[test_set],
                         "tolerance_m": tolerance_m,
                     }
-                    confusions += confusion(answers, true=true, identity=result)
-                    records.append(
+                    result.confusion.extend(confusion(answers, true=true, identity=identity))
+                    identity |= {
+                        "category": target.category,
+                        "object_name": target.name,
+                        "seed": job.seed,
+                        "segmenter": pipeline.segmenter,
+                        "views": len(scene.frames),
+                        "redraws": scene.redraw_count,
+                    }
+                    result.records.append(
                         score(
                             answers,
                             truth=true == target.category,
@@ -187,20 +203,32 @@ def evaluate_scene(
                             target=target,
                             item=mapped,
                             training=training,
-                            identity={
-                                **result,
-                                "category": target.category,
-                                "object_name": target.name,
-                                "seed": job.seed,
-                                "segmenter": pipeline.segmenter,
-                                "views": len(scene.frames),
-                                "redraws": scene.redraw_count,
-                            },
+                            identity=identity,
                         )
                     )
     for stage, of_model, seconds in pipeline.timings():
         clock.add(stage, seconds, model=of_model)
-    return SceneResult(records=records, timings=clock.timings, confusion=confusions)
+    return result
+
+
+def _clamped_share(
+    pipeline: Pipeline,
+    item: MappedObject,
+    training: TrainingSet,
+    points: npt.NDArray[np.float64],
+    *,
+    model: str,
+    of_all: Predictions,
+) -> float:
+    """Share of one test set's points whose variance is clamped.
+
+    Predictions state that of all points they are about: where it is not 0, the model is asked
+    about the set alone.
+    """
+    if of_all.clamped_share == 0 or len(points) == len(of_all.classes):
+        return of_all.clamped_share
+    alone = pipeline.classify(item.id, training, np.ascontiguousarray(points), model=model)
+    return alone.clamped_share
 
 
 def mesh_truth(item: SceneObject) -> MeshTruth:

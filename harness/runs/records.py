@@ -104,10 +104,11 @@ class Record:
     clamped_share
         Share of test points whose variance was negative and clamped; 0 for a sound covariance.
     gate
-        Weight of the metric model against the classic one that it falls back to, in [0, 1]; null
+        Weight of the metric model against the classic one that it falls back to, in [0, 1]; 1
         where a model has no gate.
     ood
-        How far the observation lies from what the network has seen; null where a model gives none.
+        Mean negative log-likelihood of the training points under the query network, high where the
+        observation is not of the kind that it has learned; null where a model asks no network.
     jitter
         Value added to the covariance's diagonal to factorise it.
     fits_unconverged, fits_at_bound

@@ -10,6 +10,7 @@ import numpy as np
 
 from harness.assets import generate_assets
 from harness.errors import InputError
+from harness.native import Pipeline
 from harness.protocol import draw_test_points, true_categories
 from harness.runs.job import plan_jobs
 from harness.scene_run import SceneFailure, find_mapped, map_scene, mesh_truth, scene_spec
@@ -17,15 +18,20 @@ from harness.scoring import Answers
 from sim_scenes import SceneError, load_object_set, simulate
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
     import numpy.typing as npt
 
     from harness.config import Config
-    from harness.native import Pipeline, TrainingSet
+    from harness.native import TrainingSet
+    from sim_scenes import Scene, SceneObject
 
     Floats = npt.NDArray[np.float64]
+
+
+STRIDE = 4
+"""Pixels of a view from one to the next in its small copy."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +42,10 @@ class TuningScene:
     ----------
     category
         The target's.
-    object_id
-        Its id in the map.
+    view
+        Arguments of `Pipeline.add_frame`: a small view that shows the target alone.
+    training
+        What the models learn from, drawn from the whole map.
     points : (n, 3) float64
         Test points, metres.
     truth : (n,) bool
@@ -46,18 +54,22 @@ class TuningScene:
 
     scene_id: str
     category: str
-    pipeline: Pipeline
-    object_id: int
+    view: Mapping[str, Any]
     training: TrainingSet
     points: Floats
     truth: npt.NDArray[np.bool_]
 
     def probability(self, *, model: str, settings: dict[str, Any]) -> Floats:
-        """Raw probability (n,) of the target's category under a ``[pipeline]`` table."""
-        self.pipeline.reconfigure(json.dumps(settings, sort_keys=True))
-        predictions = self.pipeline.classify(
-            self.object_id, self.training, self.points, model=model
-        )
+        """Raw probability (n,) of the target's category under a ``[pipeline]`` table.
+
+        A pipeline keeps its settings, and mapping a scene again costs as much as a model. Beside
+        the training points a model needs to know of the map only which object is meant.
+        """
+        pipeline = Pipeline(json.dumps(settings, sort_keys=True))
+        (object_id,) = pipeline.add_frame(**self.view)
+        if object_id is None:
+            raise SceneFailure(f"{self.scene_id}: no view shows the target")
+        predictions = pipeline.classify(object_id, self.training, self.points, model=model)
         return Answers(predictions, slice(None)).probability(self.category)
 
 
@@ -114,9 +126,31 @@ def tuning_scenes(
         yield TuningScene(
             scene_id=job.scene_id,
             category=target.category,
-            pipeline=pipeline,
-            object_id=mapped.id,
+            view=_small_view(scene, target),
             training=pipeline.training_set(mapped.id, seed=job.seed),
             points=points,
             truth=true == target.category,
         )
+
+
+def _small_view(scene: Scene, target: SceneObject) -> dict[str, Any]:
+    """Every `STRIDE`-th pixel of the frame that shows most of the target, and nothing else."""
+    shown = [
+        (np.zeros_like(frame.depth_m, dtype=np.uint16), frame)
+        if frame.instance_ids is None
+        else (np.where(frame.instance_ids == target.instance_id, np.uint16(1), np.uint16(0)), frame)
+        for frame in scene.frames
+    ]
+    mask, frame = max(shown, key=lambda pair: int(np.count_nonzero(pair[0])))
+    every = (slice(None, None, STRIDE), slice(None, None, STRIDE))
+    camera = frame.intrinsics
+    return {
+        "rgb": np.ascontiguousarray(frame.rgb[every]),
+        "depth_m": np.ascontiguousarray(frame.depth_m[every]),
+        "intrinsics": tuple(
+            value / STRIDE for value in (camera.fx, camera.fy, camera.cx, camera.cy)
+        ),
+        "world_from_camera": frame.world_from_camera,
+        "instance_ids": np.ascontiguousarray(mask[every]),
+        "categories": {1: target.category},
+    }
