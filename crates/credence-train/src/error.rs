@@ -66,4 +66,42 @@ pub enum TrainError {
     /// What the embedding refuses.
     #[error(transparent)]
     Embed(#[from] credence_embed::EmbedError),
+    /// A checkpoint that cannot be written or read.
+    #[error("checkpoint {}: {problem}; delete it to resume from an older one", path.display())]
+    Checkpoint {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// A checkpoint of a run with other settings.
+    #[error(
+        "{} belongs to another run ({found}), not to this one ({wanted}); delete its folder, or \
+         name another one with --checkpoints",
+        path.display()
+    )]
+    OtherRun {
+        /// The file.
+        path: PathBuf,
+        /// The run it is of.
+        found: String,
+        /// The run that was asked for.
+        wanted: String,
+    },
+    /// A loss that is no number.
+    #[error("the loss is not finite at step {step}; lower the learning rate or check the data")]
+    Diverged {
+        /// The step.
+        step: u64,
+    },
+    /// A number on the command line that nothing can be trained with.
+    #[error("--{option} is {value}; it must be at least {least}")]
+    Option {
+        /// The option.
+        option: &'static str,
+        /// The offending value.
+        value: u64,
+        /// Its least value.
+        least: u64,
+    },
 }

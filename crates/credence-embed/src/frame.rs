@@ -1,0 +1,164 @@
+use credence_types::Point;
+
+use crate::EmbedError;
+
+/// Metres per unit of the frame: a cup is about one unit wide.
+const UNIT_M: f64 = 0.1;
+
+/// Share of the points, at each end of an axis, that the midrange leaves out as outliers.
+const TRIM: f64 = 0.01;
+
+/// The frame of an observed object: z up from the table, origin below the middle of the points,
+/// x towards the viewpoint, unit 0.1 m.
+///
+/// The yaw is the azimuth from the points' mean to the viewpoint, and the midrange is taken along
+/// the yawed axes, so that a turn of the scene about the vertical turns the frame with it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ObjectFrame {
+    cos: f64,
+    sin: f64,
+    /// In the yawed axes, metres.
+    origin: [f64; 3],
+}
+
+impl ObjectFrame {
+    /// The frame of an object's observed points.
+    ///
+    /// # Errors
+    /// No points, or a coordinate, viewpoint or table height that is not finite.
+    pub fn new(
+        object_points_world: &[Point],
+        viewpoint_world: Point,
+        table_height_m: f64,
+    ) -> Result<Self, EmbedError> {
+        finite("object", object_points_world)?;
+        finite("viewpoint", &[viewpoint_world])?;
+        if !table_height_m.is_finite() {
+            return Err(EmbedError::TableHeight {
+                value: table_height_m,
+            });
+        }
+        if object_points_world.is_empty() {
+            return Err(EmbedError::NoPoints {
+                name: "object",
+                remedy: "embed an object only once it has been seen",
+            });
+        }
+        let count = object_points_world.len() as f64;
+        let mean = |axis: usize| object_points_world.iter().map(|p| p[axis]).sum::<f64>() / count;
+        let (x, y) = (viewpoint_world.x - mean(0), viewpoint_world.y - mean(1));
+        let norm = x.hypot(y);
+        // From straight above there is no azimuth; the world's x axis is as good as any.
+        let (cos, sin) = if norm > 1e-9 {
+            (x / norm, y / norm)
+        } else {
+            (1.0, 0.0)
+        };
+        let midrange = |along: fn(f64, f64, &Point) -> f64| {
+            let mut values: Vec<f64> = object_points_world
+                .iter()
+                .map(|p| along(cos, sin, p))
+                .collect();
+            values.sort_unstable_by(f64::total_cmp);
+            let cut = (TRIM * (count - 1.0)).round() as usize;
+            f64::midpoint(values[cut], values[values.len() - 1 - cut])
+        };
+        let origin = [midrange(yawed_x), midrange(yawed_y), table_height_m];
+        Ok(Self { cos, sin, origin })
+    }
+
+    /// World metres to the frame's units.
+    pub fn from_world(&self, point: &Point) -> [f64; 3] {
+        [
+            (yawed_x(self.cos, self.sin, point) - self.origin[0]) / UNIT_M,
+            (yawed_y(self.cos, self.sin, point) - self.origin[1]) / UNIT_M,
+            (point.z - self.origin[2]) / UNIT_M,
+        ]
+    }
+}
+
+fn yawed_x(cos: f64, sin: f64, point: &Point) -> f64 {
+    cos * point.x + sin * point.y
+}
+
+fn yawed_y(cos: f64, sin: f64, point: &Point) -> f64 {
+    cos * point.y - sin * point.x
+}
+
+/// Refuses points with coordinates that are no numbers.
+pub(crate) fn finite(name: &'static str, points: &[Point]) -> Result<(), EmbedError> {
+    let bad = |point: &Point| point.iter().any(|c| !c.is_finite());
+    match points.iter().position(bad) {
+        Some(index) => Err(EmbedError::NonFinitePoint { name, index }),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn points() -> Vec<Point> {
+        vec![
+            Point::new(0.5, 0.1, 0.02),
+            Point::new(0.6, 0.1, 0.05),
+            Point::new(0.55, 0.06, 0.1),
+            Point::new(0.55, 0.14, 0.1),
+        ]
+    }
+
+    #[test]
+    fn stands_on_the_table_below_the_middle_and_looks_at_the_viewpoint() {
+        // The mean is (.55, .1); the viewpoint lies along +y from there.
+        let frame = ObjectFrame::new(&points(), Point::new(0.55, 1.1, 0.4), -0.01).unwrap();
+        let at = frame.from_world(&Point::new(0.55, 0.2, 0.09));
+        let expected = [1.0, 0.0, 1.0];
+        assert!(
+            at.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9),
+            "{at:?}"
+        );
+        let left = frame.from_world(&Point::new(0.45, 0.1, -0.01));
+        assert!(
+            (left[1] - 1.0).abs() < 1e-9 && left[2].abs() < 1e-9,
+            "{left:?}"
+        );
+    }
+
+    #[test]
+    fn turns_and_moves_with_the_scene() {
+        let viewpoint = Point::new(0.2, 0.5, 0.4);
+        let frame = ObjectFrame::new(&points(), viewpoint, 0.0).unwrap();
+        let turn = nalgebra::Rotation3::from_axis_angle(&nalgebra::Vector3::z_axis(), 0.7);
+        let moved = |p: &Point| turn * p + nalgebra::Vector3::new(3.0, -2.0, 0.0);
+        let cloud: Vec<Point> = points().iter().map(moved).collect();
+        let other = ObjectFrame::new(&cloud, moved(&viewpoint), 0.0).unwrap();
+        for point in points() {
+            let (a, b) = (frame.from_world(&point), other.from_world(&moved(&point)));
+            assert!(
+                a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9),
+                "{a:?} {b:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_viewpoint_straight_above_and_a_single_point_are_fine() {
+        let one = [Point::new(1.0, 2.0, 0.05)];
+        let frame = ObjectFrame::new(&one, Point::new(1.0, 2.0, 0.6), 0.0).unwrap();
+        assert_eq!(frame.from_world(&one[0]), [0.0, 0.0, 0.5]);
+    }
+
+    #[test]
+    fn refuses_what_has_no_frame() {
+        let message = |cloud: &[Point], viewpoint, table| {
+            ObjectFrame::new(cloud, viewpoint, table)
+                .unwrap_err()
+                .to_string()
+        };
+        let (here, nan) = (Point::origin(), Point::new(0.0, f64::NAN, 0.0));
+        assert!(message(&[], here, 0.0).contains("no object points"));
+        assert!(message(&[here, nan], here, 0.0).starts_with("object[1] is not finite"));
+        assert!(message(&[here], nan, 0.0).starts_with("viewpoint[0] is not finite"));
+        assert!(message(&[here], here, f64::NAN).starts_with("table_height_m is NaN"));
+    }
+}

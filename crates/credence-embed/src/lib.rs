@@ -1,0 +1,15 @@
+//! Networks that give points a place in a learned metric space.
+//!
+//! [`QueryEmbedder`] sees one observation of an object, its points and the free space around it,
+//! and embeds any query point, seen or not: the object's class is a direction, and the radius says
+//! how surely the point lies on the surface; free space is at zero.
+
+mod error;
+mod frame;
+pub mod metric;
+pub mod query;
+
+pub use error::EmbedError;
+pub use frame::ObjectFrame;
+pub use metric::MetricEmbedder;
+pub use query::{Observation, QueryEmbedder, QueryEmbedding};

@@ -1,0 +1,205 @@
+use burn::{
+    module::{Module, Param},
+    nn::{Linear, LinearConfig},
+    tensor::{Device, Int, Tensor, TensorData, activation::relu},
+};
+use credence_nn::{Mlp, ResidualMlp};
+use credence_types::Category;
+
+use super::{
+    Batch, SUBSET_FREE, SUBSET_OBJECT,
+    batch::{EDGE, PLACE, QueryTensors},
+    support::{NEAR_FREE, NEAR_OBJECT},
+};
+
+/// Number of categories that the directions tell apart.
+pub const CATEGORIES: usize = Category::ALL.len();
+
+/// Where the categories' anchors start: the corners of an octahedron, the six directions that are
+/// farthest apart.
+const FIRST_ANCHORS: [[f32; 3]; CATEGORIES] = [
+    [1.0, 0.0, 0.0],
+    [-1.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0],
+    [0.0, -1.0, 0.0],
+    [0.0, 0.0, 1.0],
+    [0.0, 0.0, -1.0],
+];
+
+/// Norms are kept above this, so that a zero vector has a direction with a gradient.
+const SMALL: f64 = 1e-6;
+
+/// Widths of the layers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Widths {
+    /// Of a support point's and an edge's code.
+    pub point: usize,
+    /// Of the observation's code and of the decoder.
+    pub code: usize,
+}
+
+impl Default for Widths {
+    fn default() -> Self {
+        Self {
+            point: 64,
+            code: 128,
+        }
+    }
+}
+
+/// The network: an encoder of the observed cloud, edges from a query to its nearest support
+/// points, and a decoder of both.
+#[derive(Module, Debug)]
+pub struct QueryNetwork {
+    point: Mlp,
+    cloud: Mlp,
+    code: Mlp,
+    edge_point: Linear,
+    edge_offset: Linear,
+    edge: Linear,
+    from_code: Linear,
+    from_query: Linear,
+    first: ResidualMlp,
+    second: ResidualMlp,
+    output: Linear,
+    class_head: Linear,
+    anchors: Param<Tensor<2>>,
+}
+
+/// What the network knows of observations before it is asked about a point.
+#[derive(Debug, Clone)]
+pub struct Encoded {
+    /// Code of each observation, already in the decoder's first layer (observations, code).
+    code: Tensor<2>,
+    /// Code of each support point, already in the edges' first layer (points, point).
+    points: Tensor<2>,
+    /// Logits of each observation's category (observations, categories).
+    pub class_logits: Tensor<2>,
+}
+
+/// What the network says of queries, those of the first observation first.
+#[derive(Debug, Clone)]
+pub struct Decoded {
+    /// Log odds that the point lies on the surface (queries).
+    pub logits: Tensor<1>,
+    /// Unit directions (queries, 3).
+    pub directions: Tensor<2>,
+}
+
+impl QueryNetwork {
+    /// A network with untrained weights.
+    pub fn new(widths: Widths, device: &Device) -> Self {
+        let Widths { point, code } = widths;
+        let bare = |inputs, outputs| {
+            LinearConfig::new(inputs, outputs)
+                .with_bias(false)
+                .init(device)
+        };
+        let anchors = TensorData::new(FIRST_ANCHORS.concat(), [CATEGORIES, 3]);
+        Self {
+            point: Mlp::new([4, point, point], device),
+            cloud: Mlp::new([point, code, code], device),
+            code: Mlp::new([2 * code, code, code], device),
+            edge_point: LinearConfig::new(point, point).init(device),
+            edge_offset: bare(EDGE, point),
+            edge: LinearConfig::new(point, point).init(device),
+            from_code: bare(code, code),
+            from_query: LinearConfig::new(4 * point + PLACE, code).init(device),
+            first: ResidualMlp::new(code, device),
+            second: ResidualMlp::new(code, device),
+            output: LinearConfig::new(code, 4).init(device),
+            class_head: LinearConfig::new(code, CATEGORIES).init(device),
+            anchors: Param::from_tensor(Tensor::from_data(anchors, device)),
+        }
+    }
+
+    /// Unit vectors of the categories, in their order (categories, 3).
+    pub fn anchors(&self) -> Tensor<2> {
+        unit(self.anchors.val())
+    }
+
+    /// Encodes the observations and answers their queries.
+    pub fn forward(&self, batch: &Batch) -> (Encoded, Decoded) {
+        let encoded = self.encode(batch);
+        let decoded = self.decode(&encoded, &batch.queries);
+        (encoded, decoded)
+    }
+
+    /// The observations' codes.
+    pub(crate) fn encode(&self, batch: &Batch) -> Encoded {
+        let points = relu(self.point.forward(batch.points.clone()));
+        let cloud = self
+            .cloud
+            .forward(points.clone().select(0, batch.subset.clone()));
+        let [rows, width] = cloud.dims();
+        let observations = batch.queries.observations;
+        let split = observations * SUBSET_OBJECT;
+        let highest = |from: usize, to: usize, count: usize| {
+            let part = cloud.clone().slice([from..to, 0..width]);
+            part.reshape([observations, count, width])
+                .max_dim(1)
+                .reshape([observations, width])
+        };
+        let object = highest(0, split, SUBSET_OBJECT);
+        let free = highest(split, rows, SUBSET_FREE);
+        let code = self.code.forward(Tensor::cat(vec![object, free], 1));
+        Encoded {
+            class_logits: self.class_head.forward(code.clone()),
+            code: self.from_code.forward(code),
+            points: self.edge_point.forward(points),
+        }
+    }
+
+    /// The answers to queries of encoded observations.
+    pub(crate) fn decode(&self, encoded: &Encoded, queries: &QueryTensors) -> Decoded {
+        let (observations, count) = (queries.observations, queries.count);
+        let total = observations * count;
+        let mut features = self.edges(&encoded.points, &queries.edges, &queries.rows, total);
+        features.push(queries.places.clone());
+        let own = self.from_query.forward(Tensor::cat(features, 1));
+        let width = own.dims()[1];
+        let shared = encoded.code.clone().reshape([observations, 1, width]);
+        let hidden = (own.reshape([observations, count, width]) + shared).reshape([total, width]);
+        let hidden = self.second.forward(self.first.forward(hidden));
+        let output = self.output.forward(relu(hidden));
+        Decoded {
+            logits: output.clone().slice([0..total, 0..1]).reshape([total]),
+            directions: unit(output.slice([0..total, 1..4])),
+        }
+    }
+
+    /// The pooled codes of each query's edges.
+    ///
+    /// The first layer, W [offset, distance, code], is the sum of a part of the edge and a part of
+    /// the neighbour, and the latter is worked out once per neighbour.
+    fn edges(
+        &self,
+        points: &Tensor<2>,
+        edges: &Tensor<2>,
+        rows: &Tensor<1, Int>,
+        total: usize,
+    ) -> Vec<Tensor<2>> {
+        let neighbours = points.clone().select(0, rows.clone());
+        let codes = self
+            .edge
+            .forward(relu(neighbours + self.edge_offset.forward(edges.clone())));
+        let [all, width] = codes.dims();
+        let split = total * NEAR_OBJECT;
+        let mut pooled = Vec::with_capacity(5);
+        for (from, to, near) in [(0, split, NEAR_OBJECT), (split, all, NEAR_FREE)] {
+            let part = codes
+                .clone()
+                .slice([from..to, 0..width])
+                .reshape([total, near, width]);
+            pooled.push(part.clone().max_dim(1).reshape([total, width]));
+            pooled.push(part.mean_dim(1).reshape([total, width]));
+        }
+        pooled
+    }
+}
+
+/// Rows of unit length.
+fn unit(rows: Tensor<2>) -> Tensor<2> {
+    let squares = (rows.clone() * rows.clone()).sum_dim(1);
+    rows / (squares + SMALL * SMALL).sqrt()
+}

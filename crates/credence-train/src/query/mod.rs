@@ -1,0 +1,11 @@
+//! Training of the query embedding.
+
+mod augment;
+mod command;
+mod evaluate;
+mod losses;
+mod task;
+
+pub use command::QueryArgs;
+pub use evaluate::evaluate;
+pub use task::QueryTask;
