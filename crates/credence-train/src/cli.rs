@@ -7,8 +7,10 @@ use credence_nn::weights;
 
 use crate::{
     TrainError,
+    data::DataCommand,
     metric::{EmbedArgs, SphereArgs},
     query::QueryArgs,
+    run::note,
 };
 
 /// Trains Credence's networks; every run is repeatable, resumable, and says where its weights came
@@ -24,6 +26,8 @@ pub struct Cli {
 /// The networks.
 #[derive(Debug, Subcommand)]
 pub enum Network {
+    /// Training scenes in advance; a training run makes those that it lacks itself
+    Data(DataCommand),
     /// The query embedding: an observed cloud in, any point's place in the unit ball out
     Query(QueryArgs),
     /// The seed's metric embedding: a cloud in, a unit vector per point out
@@ -39,6 +43,7 @@ impl Cli {
     /// Whatever the training cannot work with.
     pub fn run(&self) -> Result<(), TrainError> {
         match &self.network {
+            Network::Data(args) => args.run(&note),
             Network::Query(args) => args.run(),
             Network::Embed(args) => args.run(),
             Network::Sphere(args) => args.run(),
