@@ -27,7 +27,9 @@ pub fn to_bytes<M: Module>(module: &M) -> Result<Vec<u8>, NnError> {
         name: "the network in memory".to_owned(),
         why: error.to_string(),
     };
-    let mut store = SafetensorsStore::from_bytes(None);
+    // The format's own remarks are written in the order of a hash map: one is enough, and none of
+    // them is read.
+    let mut store = SafetensorsStore::from_bytes(None).clear_metadata();
     store.collect_from(module).map_err(|e| corrupt(&e))?;
     store.get_bytes().map_err(|e| corrupt(&e))
 }
