@@ -105,26 +105,11 @@ impl DirichletGp {
     ) -> Result<Vec<Fit>, GpError> {
         covariance.check(training)?;
         config.check()?;
-        let inputs = covariance.inputs(training);
-        let chosen = match &config.subset {
-            None => TrainingSet::new(inputs.clone(), training.labels(), training.classes())?,
-            Some(subset) => {
-                let labels = subset
-                    .iter()
-                    .map(|&index| {
-                        training
-                            .labels()
-                            .get(index)
-                            .copied()
-                            .ok_or(GpError::Subset {
-                                index,
-                                points: training.len(),
-                            })
-                    })
-                    .collect::<Result<Vec<_>, _>>()?;
-                TrainingSet::new(inputs.select(subset), &labels, training.classes())?
-            }
-        };
+        let inputs = covariance.inputs(training).clone();
+        let mut chosen = TrainingSet::new(inputs, training.labels(), training.classes())?;
+        if let Some(subset) = &config.subset {
+            chosen = chosen.select(subset)?;
+        }
         let targets = self.targets(&chosen)?;
         let fits: Vec<_> = targets
             .par_iter()

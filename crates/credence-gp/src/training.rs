@@ -59,6 +59,21 @@ impl TrainingSet {
         })
     }
 
+    /// The points at `indices`, in that order, with their labels.
+    ///
+    /// # Errors
+    /// An index that does not exist, a class of which no point is chosen.
+    pub fn select(&self, indices: &[usize]) -> Result<Self, GpError> {
+        let label = |&index: &usize| {
+            self.labels.get(index).copied().ok_or(GpError::Subset {
+                index,
+                points: self.len(),
+            })
+        };
+        let labels = indices.iter().map(label).collect::<Result<Vec<_>, _>>()?;
+        Self::new(self.points.select(indices), &labels, self.classes)
+    }
+
     /// The points.
     pub const fn points(&self) -> &Points {
         &self.points

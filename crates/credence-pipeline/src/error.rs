@@ -33,6 +33,37 @@ pub enum PipelineError {
         /// The last category's class.
         last: usize,
     },
+    /// More training points than a classifier has memory for.
+    #[error(
+        "there are {found} training points; pass at most {most}, as the classifier's memory grows \
+         with their square"
+    )]
+    TooManyTrainingPoints {
+        /// Points found.
+        found: usize,
+        /// Points allowed.
+        most: usize,
+    },
+    /// A viewpoint that is nowhere.
+    #[error("the viewpoint {value:?} is not finite; pass the camera's centre in world metres")]
+    Viewpoint {
+        /// The point.
+        value: [f64; 3],
+    },
+    /// A network was asked about a training set that does not say where it was seen from.
+    #[error(
+        "the training set has no viewpoint, and the network needs one; draw the set from the \
+         pipeline, or pass viewpoint_world, the mean camera centre"
+    )]
+    NoViewpoint,
+    /// Completion probabilities of another number than test points.
+    #[error("completion_confidence holds {found} values; {expected} test points need one each")]
+    CompletionLength {
+        /// Values found.
+        found: usize,
+        /// Number of test points.
+        expected: usize,
+    },
     /// A training set that cannot tell what is asked.
     #[error(
         "the object is a {category}, and no training point is of that category; draw the training \
@@ -68,6 +99,9 @@ pub enum PipelineError {
     /// The map cannot answer.
     #[error(transparent)]
     Map(#[from] credence_map::MapError),
+    /// A network cannot be loaded, or cannot embed these points.
+    #[error(transparent)]
+    Embed(#[from] credence_embed::EmbedError),
     /// The classifier cannot answer.
     #[error(transparent)]
     Gp(#[from] credence_gp::GpError),

@@ -3,12 +3,15 @@
 //! A [`Pipeline`] is made from a [`Config`], whose enums name the stages ([`SegmenterChoice`],
 //! [`ModelChoice`]). [`Pipeline::add_frame`] segments a view and maps it; for each tracked object,
 //! [`Pipeline::training_set`] draws what a classifier learns from, and [`Pipeline::classify`] asks
-//! it about test points; [`Pipeline::annotate`] writes its confidences into the map. This is the one crate that knows all stages, and it never sees the truth
-//! they are judged by.
+//! it about test points; [`Pipeline::annotate`] writes its confidences into the map. All models
+//! answer the same question from the same training and test points. This is the one crate that
+//! knows all stages, and it never sees the truth they are judged by.
 
 mod classify;
 mod config;
+mod embedders;
 mod error;
+mod models;
 mod pipeline;
 #[cfg(test)]
 mod scene;
@@ -17,12 +20,14 @@ mod training;
 
 pub use classify::Classification;
 pub use config::{
-    AssociationChoice, Config, GpConfig, MapConfig, ModelChoice, SegmenterChoice, SmoothnessChoice,
-    TrainingConfig,
+    AssociationChoice, Config, GpConfig, KernelInput, MapConfig, MetricConfig, ModelChoice, Platt,
+    RecalibrationConfig, SegmenterChoice, SmoothnessChoice, TrainingConfig, TunedConfig, Weights,
 };
+pub use credence_embed as embed;
 pub use credence_gp as gp;
 pub use credence_map as map;
 pub use error::PipelineError;
+pub use models::NetworkView;
 pub use pipeline::{Pipeline, StageTime};
 pub use segmenter::{Oracle, Segmenter};
 pub use training::TrainingSet;

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use credence_pipeline::{
-    Classification, Config, ModelChoice, Pipeline, PipelineError, StageTime, TrainingSet,
-    gp::Hyperparameters, map::ObjectId,
+    Classification, Config, ModelChoice, NetworkView, Pipeline, PipelineError, StageTime,
+    TrainingSet, gp::Hyperparameters, map::ObjectId,
 };
-use credence_types::{Category, Frame, FrameTruth, Intrinsics, Pose, Prediction};
+use credence_types::{Category, Frame, FrameTruth, Intrinsics, Point, Pose, Prediction};
 use numpy::{PyArray1, PyArray2, ToPyArray as _, ndarray::Array2};
 use pyo3::{
     exceptions::{PyTypeError, PyValueError},
@@ -40,12 +40,34 @@ pub(crate) struct PyTrainingSet(TrainingSet);
 #[pymethods]
 impl PyTrainingSet {
     #[new]
-    fn new(points_world: Array<'_, f64>, classes: Array<'_, u8>) -> PyResult<Self> {
+    #[pyo3(signature = (points_world, classes, *, viewpoint_world = None))]
+    fn new(
+        points_world: Array<'_, f64>,
+        classes: Array<'_, u8>,
+        viewpoint_world: Option<Array<'_, f64>>,
+    ) -> PyResult<Self> {
         let points_world = points_world.points("points_world")?;
         let classes = classes.values("classes", &[Some(points_world.len())])?;
-        TrainingSet::new(points_world, classes)
+        let viewpoint = viewpoint_world
+            .map(|viewpoint| viewpoint.values("viewpoint_world", &[Some(3)]))
+            .transpose()?;
+        let made = || {
+            let set = TrainingSet::new(points_world, classes)?;
+            match viewpoint {
+                None => Ok(set),
+                Some(v) => set.with_viewpoint(Point::new(v[0], v[1], v[2])),
+            }
+        };
+        made()
             .map(Self)
-            .map_err(|err| to_python(&err))
+            .map_err(|err: PipelineError| to_python(&err))
+    }
+
+    /// Mean camera centre of the views of the object, (3,), if it is known.
+    #[getter]
+    fn viewpoint_world<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        let viewpoint = self.0.viewpoint_world()?;
+        Some(viewpoint.coords.as_slice().to_pyarray(py))
     }
 
     #[getter]
@@ -151,8 +173,44 @@ impl PyPredictions {
 
     #[getter]
     fn hyperparameters(&self) -> BTreeMap<&'static str, PyHyperparameters> {
-        let values = self.0.fits.iter().map(|fit| fit.hyperparameters);
+        let values = self.0.hyperparameters.iter().copied();
         self.names().zip(values.map(PyHyperparameters)).collect()
+    }
+
+    /// Variance of the latent difference between the object's category and free space.
+    #[getter]
+    fn difference_variance<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        let variance = self.0.difference_variance.as_ref()?;
+        Some(variance.to_pyarray(py))
+    }
+
+    /// Weight of the model against its fallback; 1 without one.
+    #[getter]
+    const fn gate(&self) -> f64 {
+        self.0.gate
+    }
+
+    /// The query network's own probability of the object's category.
+    #[getter]
+    fn prior_probability<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        let network = self.0.network.as_ref()?;
+        Some(network.probability.to_pyarray(py))
+    }
+
+    /// Place of each point in the unit ball.
+    #[getter]
+    fn embedding<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray2<f64>>> {
+        let network = self.0.network.as_ref()?;
+        Some(rows(&network.embedding).to_pyarray(py))
+    }
+
+    /// Mean negative log likelihood of the training points under the query network.
+    #[getter]
+    fn ood(&self) -> Option<f64> {
+        self.0
+            .network
+            .as_ref()
+            .map(|network: &NetworkView| network.ood)
     }
 
     /// Number of classes whose fit did not end by its tolerances.
@@ -167,6 +225,9 @@ impl PyPredictions {
         self.0.fits.iter().filter(|fit| fit.at_bound).count()
     }
 }
+
+/// A (logits, directions) pair, (n,) and (n, 3).
+type LogitsAndDirections<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
 
 /// From frames to a semantic map to classified points.
 #[pyclass(name = "Pipeline", module = "harness._native")]
@@ -263,7 +324,9 @@ impl PyPipeline {
             .map_err(|err| to_python(&err))
     }
 
-    #[pyo3(signature = (object_id, training, test_points, *, model = "classic"))]
+    #[pyo3(signature = (
+        object_id, training, test_points, *, model = "classic", completion_confidence = None
+    ))]
     fn classify(
         &mut self,
         py: Python<'_>,
@@ -271,15 +334,40 @@ impl PyPipeline {
         training: &PyTrainingSet,
         test_points: Array<'_, f64>,
         model: &str,
+        completion_confidence: Option<Array<'_, f64>>,
     ) -> PyResult<PyPredictions> {
         let model: ModelChoice = model.parse().map_err(|err| to_python(&err))?;
         let points = test_points.points("test_points")?;
+        let completion = completion_confidence
+            .map(|values| values.values("completion_confidence", &[Some(points.len())]))
+            .transpose()?;
         py.detach(|| {
+            let id = ObjectId(object_id);
             self.0
-                .classify(ObjectId(object_id), &training.0, &points, model)
+                .classify(id, &training.0, &points, completion.as_deref(), model)
         })
         .map(PyPredictions)
         .map_err(|err| to_python(&err))
+    }
+
+    /// (logits, directions) of points by the query network, (n,) and (n, 3).
+    fn query_embedding<'py>(
+        &mut self,
+        py: Python<'py>,
+        object_id: u32,
+        training: &PyTrainingSet,
+        points: Array<'py, f64>,
+    ) -> PyResult<LogitsAndDirections<'py>> {
+        let points = points.points("points")?;
+        let embedded = py
+            .detach(|| {
+                let id = ObjectId(object_id);
+                self.0.query_embedding(id, &training.0, &points)
+            })
+            .map_err(|err| to_python(&err))?;
+        let logits: Vec<f64> = embedded.iter().map(|query| query.logit).collect();
+        let directions: Vec<[f64; 3]> = embedded.iter().map(|query| query.direction).collect();
+        Ok((logits.to_pyarray(py), rows(&directions).to_pyarray(py)))
     }
 
     /// Writes the confidences of test points into the map; returns the number of voxels set.
@@ -311,6 +399,10 @@ impl PyPipeline {
         };
         self.0.times().iter().map(row).collect()
     }
+}
+
+fn rows(vectors: &[[f64; 3]]) -> Array2<f64> {
+    Array2::from_shape_fn((vectors.len(), 3), |(row, axis)| vectors[row][axis])
 }
 
 fn focal_and_centre(intrinsics: &Bound<'_, PyAny>) -> PyResult<[f64; 4]> {

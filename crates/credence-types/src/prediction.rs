@@ -3,14 +3,15 @@
 pub struct Prediction {
     /// Class index: 0 is free space, 1 to 6 the categories.
     pub class: u8,
-    /// Variance of the latent function of that class.
+    /// Variance of the latent function of that class; 0 if the model has none.
     pub variance: f64,
     /// The seed's score: variance scaled to \[0, 1\] over the test points, 1 at the smallest (Hong
-    /// et al., Eqs. 2 and 3), times the segmenter's score. Comparable within one call only.
+    /// et al., Eqs. 2 and 3), times the segmenter's score. Comparable within one call only. The
+    /// confidence if the model has no variance.
     pub score: f64,
-    /// Posterior mean E\[softmax\] of the object's category at the point, times the segmenter's
-    /// score: how likely something of that category is there. Comparable between scenes, but not
-    /// recalibrated; it does not tell two objects of one category apart.
+    /// Probability of the object's category at the point, recalibrated, times the segmenter's score
+    /// and, for a completed point, the completer's: how likely something of that category is
+    /// there. Comparable between scenes; it does not tell two objects of one category apart.
     pub confidence: f64,
 }
 

@@ -1,0 +1,184 @@
+//! The query network: what it says of any point, given what was seen.
+
+use credence_embed::{Observation, QueryEmbedder, QueryEmbedding};
+use credence_types::{FREE_CLASS, Point};
+
+use super::{Answer, NetworkView, Question, Stopwatch, most_likely};
+use crate::{Config, MetricConfig, PipelineError, training::Observed};
+
+/// The network alone.
+pub(super) fn answer(
+    question: &Question<'_>,
+    config: &Config,
+    embedder: &QueryEmbedder,
+    watch: &mut Stopwatch,
+) -> Result<Answer, PipelineError> {
+    let belief = watch.time("embed", || Belief::new(question, &config.metric, embedder))?;
+    let probabilities = belief.test.probabilities.clone();
+    Ok(Answer {
+        class: most_likely(&probabilities, question.classes.len()),
+        probabilities,
+        network: Some(belief.view(question)),
+        ..Answer::default()
+    })
+}
+
+/// What the network says of training and test points.
+#[derive(Debug)]
+pub(super) struct Belief {
+    pub(super) training: Embedded,
+    pub(super) test: Embedded,
+}
+
+/// What it says of a list of points.
+#[derive(Debug)]
+pub(super) struct Embedded {
+    /// Probability of each of the question's classes per point, row-major.
+    pub(super) probabilities: Vec<f64>,
+    /// Place of each point in the unit ball, by the object that is asked about.
+    pub(super) embeddings: Vec<[f64; 3]>,
+}
+
+impl Belief {
+    pub(super) fn new(
+        question: &Question<'_>,
+        config: &MetricConfig,
+        embedder: &QueryEmbedder,
+    ) -> Result<Self, PipelineError> {
+        let trained = question.training.points_world();
+        let queries = [trained, question.test].concat();
+        let mut embeddings = Vec::new();
+        // Logits per object, each with the position of its class.
+        let mut logits: Vec<(usize, Vec<f64>)> = Vec::new();
+        for object in question.training.observed(question.category)? {
+            let Ok(class) = question.classes.binary_search(&object.category.class()) else {
+                // None of its points was drawn: it is not among the classes.
+                continue;
+            };
+            let embedded = embed_from(embedder, &object, config.table_height_m, &queries)?;
+            if embeddings.is_empty() {
+                embeddings = embedded.iter().map(in_the_ball).collect();
+            }
+            let of_object = embedded.iter().map(|query| query.logit).collect();
+            logits.push((class, of_object));
+        }
+        let classes = question.classes.len();
+        let mut probabilities = vec![0.0; queries.len() * classes];
+        for (query, row) in probabilities.chunks_exact_mut(classes).enumerate() {
+            let scaled: Vec<(usize, f64)> = logits
+                .iter()
+                .map(|(class, of_object)| (*class, of_object[query] / config.temperature))
+                .collect();
+            at_most_one(&scaled, row);
+        }
+        let of_test = probabilities.split_off(trained.len() * classes);
+        let embeddings_of_test = embeddings.split_off(trained.len());
+        Ok(Self {
+            training: Embedded {
+                probabilities,
+                embeddings,
+            },
+            test: Embedded {
+                probabilities: of_test,
+                embeddings: embeddings_of_test,
+            },
+        })
+    }
+
+    pub(super) fn view(self, question: &Question<'_>) -> NetworkView {
+        let classes = question.classes.len();
+        let rows = self.training.probabilities.chunks_exact(classes);
+        let surprise: f64 = rows
+            .zip(&question.labels)
+            .map(|(row, label)| -row[*label].max(f64::MIN_POSITIVE).ln())
+            .sum();
+        let of_asked = self.test.probabilities.iter().skip(question.asked);
+        NetworkView {
+            probability: of_asked.step_by(classes).copied().collect(),
+            embedding: self.test.embeddings,
+            ood: surprise / question.labels.len() as f64,
+        }
+    }
+}
+
+/// Embeds points by what was seen of an object.
+pub(crate) fn embed_from(
+    embedder: &QueryEmbedder,
+    object: &Observed,
+    table_height_m: f64,
+    queries: &[Point],
+) -> Result<Vec<QueryEmbedding>, PipelineError> {
+    let observation = Observation {
+        object: object.points_world.clone(),
+        free: object.free_world.clone(),
+        viewpoint: object.viewpoint_world,
+        table_height_m,
+    };
+    Ok(embedder.embed(&observation, queries)?)
+}
+
+/// sigmoid(logit) times the direction.
+fn in_the_ball(query: &QueryEmbedding) -> [f64; 3] {
+    let radius = 1.0 / (1.0 + (-query.logit).exp());
+    query.direction.map(|axis| radius * axis)
+}
+
+/// Probabilities of the classes at one point, given for each object its class and the logit of
+/// its being there: free space comes first.
+///
+/// The network judges every object by itself, but a point lies on one of them at most. With
+/// independent p_j, and all cases with two or more objects at the point excluded,
+///
+/// ```text
+/// P(j) = p_j prod_{i != j} (1 - p_i) / Z,   P(free) = prod_i (1 - p_i) / Z
+/// ```
+///
+/// which is the softmax over 0 and the logits. One object alone keeps its p.
+fn at_most_one(logits: &[(usize, f64)], row: &mut [f64]) {
+    let largest = logits.iter().map(|(_, l)| *l).fold(0.0, f64::max);
+    row[usize::from(FREE_CLASS)] = (-largest).exp();
+    for (class, logit) in logits {
+        row[*class] += (logit - largest).exp();
+    }
+    let total: f64 = row.iter().sum();
+    for value in row {
+        *value /= total;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sigmoid(logit: f64) -> f64 {
+        1.0 / (1.0 + (-logit).exp())
+    }
+
+    #[test]
+    fn one_object_keeps_its_probability() {
+        for logit in [-800.0, -3.0, 0.0, 0.5, 800.0] {
+            let mut row = [0.0; 2];
+            at_most_one(&[(1, logit)], &mut row);
+            assert!((row[1] - sigmoid(logit)).abs() < 1e-15);
+            assert!((row[0] - sigmoid(-logit)).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn several_objects_exclude_each_other() {
+        let logits = [(1, 0.3), (2, -1.0), (1, 2.0)];
+        let p = logits.map(|(_, logit)| sigmoid(logit));
+        let alone = |j: usize| -> f64 {
+            let others = (0..3).filter(|i| *i != j).map(|i| 1.0 - p[i]);
+            p[j] * others.product::<f64>()
+        };
+        let none: f64 = p.iter().map(|p| 1.0 - p).product();
+        let total = none + (0..3).map(alone).sum::<f64>();
+        let expected = [none, alone(0) + alone(2), alone(1)].map(|value| value / total);
+        let mut row = [0.0; 3];
+        at_most_one(&logits, &mut row);
+        for (value, expected) in row.iter().zip(expected) {
+            assert!((value - expected).abs() < 1e-15);
+        }
+    }
+}

@@ -1,0 +1,172 @@
+"""The models as Python sees them; their mathematics is tested in Rust."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from harness.native import CLASS_NAMES, Pipeline, Predictions, TrainingSet
+from harness.tests.support import frame
+
+MODELS = ("classic", "classic_tuned", "metric_literal", "metric", "network", "nearest")
+PROCESSES = ("classic", "classic_tuned", "metric_literal", "metric")
+
+
+def mapped(**settings: Any) -> Pipeline:
+    small = {"training": {"points": 200}, "gp": {"fit_points": 60}}
+    pipeline = Pipeline(json.dumps(small | settings))
+    assert pipeline.add_frame(**frame()) == [1]
+    return pipeline
+
+
+def near_and_far(training: TrainingSet) -> np.ndarray:
+    """Observed points, points a centimetre off them, and one far away."""
+    observed = training.points_world[:5]
+    return np.concatenate([observed, observed + 0.01, [[3.0, -2.0, 1.0]]])
+
+
+def classified(model: str, **settings: Any) -> Predictions:
+    pipeline = mapped(**settings)
+    training = pipeline.training_set(1, seed=0)
+    return pipeline.classify(1, training, near_and_far(training), model=model)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_every_model_answers_in_the_same_form(model: str) -> None:
+    predictions = classified(model)
+    n = 11
+    assert predictions.class_names[0] == "free"
+    assert predictions.probabilities.shape == (n, 2)
+    assert np.allclose(predictions.probabilities.sum(axis=1), 1)
+    for values in (predictions.variance, predictions.score, predictions.confidence):
+        assert values.shape == (n,)
+        assert np.isfinite(values).all()
+    assert predictions.classes.shape == (n,)
+    assert set(predictions.classes.tolist()) <= {0, CLASS_NAMES.index("mug")}
+    assert predictions.gate == 1
+    if model in PROCESSES:
+        assert set(predictions.hyperparameters) == {"free", "mug"}
+        assert predictions.difference_variance is not None
+        assert predictions.difference_variance.shape == (n,)
+    else:
+        assert predictions.hyperparameters == {}
+        assert predictions.difference_variance is None
+        assert (predictions.variance == 0).all()
+        assert (predictions.score == predictions.confidence).all()
+    if model != "metric_literal":
+        assert predictions.clamped_share == 0
+    if model in ("metric", "network"):
+        assert predictions.prior_probability is not None
+        assert predictions.embedding is not None
+        assert predictions.ood is not None
+        assert predictions.prior_probability.shape == (n,)
+        assert predictions.embedding.shape == (n, 3)
+        assert (np.linalg.norm(predictions.embedding, axis=1) <= 1 + 1e-6).all()
+        assert predictions.ood >= 0
+    else:
+        assert predictions.prior_probability is None
+        assert predictions.embedding is None
+        assert predictions.ood is None
+
+
+def test_the_network_alone_is_the_prior_of_metric() -> None:
+    network, metric = classified("network"), classified("metric")
+    assert network.prior_probability is not None
+    assert metric.prior_probability is not None
+    assert (network.probabilities[:, 1] == network.prior_probability).all()
+    assert (metric.prior_probability == network.prior_probability).all()
+    # Metres away, no training point corrects the network: its odds are shrunk by the variance.
+    assert metric.classes[-1] == network.classes[-1] == 0
+
+
+def test_a_gate_is_a_weight() -> None:
+    gate = classified("metric", metric={"gate": True}).gate
+    assert 0 <= gate <= 1
+
+
+def test_recalibration_changes_the_confidence_and_nothing_else() -> None:
+    before = classified("nearest")
+    after = classified("nearest", recalibration={"nearest": {"slope": 2, "intercept": -1}})
+    assert (before.probabilities == after.probabilities).all()
+    off = (before.probabilities[:, 1] > 0) & (before.probabilities[:, 1] < 1)
+    logit = np.log(before.probabilities[off, 1] / before.probabilities[off, 0])
+    expected = 1 / (1 + np.exp(1 - 2 * logit))
+    assert np.allclose(after.confidence[off], expected, rtol=1e-9, atol=0)
+
+
+def test_a_completed_point_is_as_sure_as_its_completion() -> None:
+    pipeline = mapped()
+    training = pipeline.training_set(1, seed=0)
+    points = near_and_far(training)
+    share = np.linspace(0, 1, len(points))
+    whole = pipeline.classify(1, training, points, model="nearest")
+    completed = pipeline.classify(1, training, points, model="nearest", completion_confidence=share)
+    assert np.allclose(completed.confidence, whole.confidence * share, rtol=1e-15, atol=0)
+    with pytest.raises(ValueError, match=r"has shape \(1,\); expected \(11,\)"):
+        pipeline.classify(1, training, points, completion_confidence=np.ones(1))
+    share[3] = 1.5
+    with pytest.raises(ValueError, match=r"completion_confidence is 1.5; it must lie in \[0, 1\]"):
+        pipeline.classify(1, training, points, completion_confidence=share)
+
+
+def test_the_embedding_of_the_network_is_at_hand() -> None:
+    pipeline = mapped()
+    training = pipeline.training_set(1, seed=0)
+    points = near_and_far(training)
+    logits, directions = pipeline.query_embedding(1, training, points)
+    assert logits.shape == (len(points),)
+    assert np.allclose(np.linalg.norm(directions, axis=1), 1)
+    predictions = pipeline.classify(1, training, points, model="network")
+    assert predictions.embedding is not None
+    radius = 1 / (1 + np.exp(-logits))
+    assert np.allclose(predictions.embedding, radius[:, None] * directions)
+    assert np.allclose(predictions.prior_probability, radius)
+
+
+def test_a_given_set_needs_a_viewpoint() -> None:
+    pipeline = mapped()
+    drawn = pipeline.training_set(1, seed=0)
+    viewpoint = drawn.viewpoint_world
+    assert viewpoint is not None
+    assert np.allclose(viewpoint, frame()["world_from_camera"][:3, 3])
+    bare = TrainingSet(drawn.points_world, drawn.classes)
+    assert bare.viewpoint_world is None
+    points = near_and_far(drawn)
+    for model in ("metric", "network"):
+        with pytest.raises(ValueError, match="the training set has no viewpoint"):
+            pipeline.classify(1, bare, points, model=model)
+    given = TrainingSet(drawn.points_world, drawn.classes, viewpoint_world=viewpoint)
+    of_given = pipeline.classify(1, given, points, model="network")
+    of_drawn = pipeline.classify(1, drawn, points, model="network")
+    assert (of_given.probabilities == of_drawn.probabilities).all()
+    with pytest.raises(ValueError, match=r"the viewpoint .* is not finite"):
+        TrainingSet(drawn.points_world, drawn.classes, viewpoint_world=np.array([0.0, np.nan, 0.0]))
+
+
+@pytest.mark.parametrize("key", ["query_weights", "metric_weights"])
+def test_missing_weights_are_an_io_error(key: str, tmp_path: Any) -> None:
+    missing = tmp_path / "none.safetensors"
+    with pytest.raises(OSError, match=r"none\.safetensors"):
+        Pipeline(json.dumps({"metric": {key: str(missing)}}))
+    missing.write_bytes(b"no weights")
+    with pytest.raises(ValueError, match=r"none\.safetensors"):
+        Pipeline(json.dumps({"metric": {key: str(missing)}}))
+
+
+def test_every_model_notes_its_stages() -> None:
+    pipeline = mapped()
+    training = pipeline.training_set(1, seed=0)
+    for model in MODELS:
+        pipeline.classify(1, training, near_and_far(training), model=model)
+    stages = {model: [s for s, m, _ in pipeline.timings() if m == model] for model in MODELS}
+    assert stages == {
+        "classic": ["fit", "posterior"],
+        "classic_tuned": ["fit", "posterior"],
+        "metric_literal": ["embed", "fit", "posterior"],
+        "metric": ["embed", "fit", "posterior"],
+        "network": ["embed"],
+        "nearest": ["posterior"],
+    }
