@@ -3,11 +3,11 @@ use burn::{
     nn::{Linear, LinearConfig},
     tensor::{Device, Int, Tensor, TensorData, activation::relu},
 };
-use credence_nn::{Mlp, ResidualMlp};
+use credence_nn::{Mlp, ResidualMlp, strongest_rows};
 use credence_types::Category;
 
 use super::{
-    Batch, SUBSET_FREE, SUBSET_OBJECT,
+    Batch, SUBSET_OBJECT,
     batch::{EDGE, PLACE, QueryTensors},
     support::{NEAR_FREE, NEAR_OBJECT},
 };
@@ -128,20 +128,14 @@ impl QueryNetwork {
     /// The observations' codes.
     pub(crate) fn encode(&self, batch: &Batch) -> Encoded {
         let points = relu(self.point.forward(batch.points.clone()));
-        let cloud = self
-            .cloud
-            .forward(points.clone().select(0, batch.subset.clone()));
+        let subset = points.clone().select(0, batch.subset.clone());
+        let cloud = self.cloud.forward(subset);
         let [rows, width] = cloud.dims();
         let observations = batch.queries.observations;
         let split = observations * SUBSET_OBJECT;
-        let highest = |from: usize, to: usize, count: usize| {
-            let part = cloud.clone().slice([from..to, 0..width]);
-            part.reshape([observations, count, width])
-                .max_dim(1)
-                .reshape([observations, width])
-        };
-        let object = highest(0, split, SUBSET_OBJECT);
-        let free = highest(split, rows, SUBSET_FREE);
+        let part = |from: usize, to: usize| cloud.clone().slice([from..to, 0..width]);
+        let object = highest(part(0, split), observations);
+        let free = highest(part(split, rows), observations);
         let code = self.code.forward(Tensor::cat(vec![object, free], 1));
         Encoded {
             class_logits: self.class_head.forward(code.clone()),
@@ -187,15 +181,22 @@ impl QueryNetwork {
         let split = total * NEAR_OBJECT;
         let mut pooled = Vec::with_capacity(5);
         for (from, to, near) in [(0, split, NEAR_OBJECT), (split, all, NEAR_FREE)] {
-            let part = codes
-                .clone()
-                .slice([from..to, 0..width])
-                .reshape([total, near, width]);
-            pooled.push(part.clone().max_dim(1).reshape([total, width]));
-            pooled.push(part.mean_dim(1).reshape([total, width]));
+            let part = codes.clone().slice([from..to, 0..width]);
+            let mean = part.clone().reshape([total, near, width]).mean_dim(1);
+            pooled.push(highest(part, total));
+            pooled.push(mean.reshape([total, width]));
         }
         pooled
     }
+}
+
+/// The highest value of each column in each of `groups` equal runs of rows.
+///
+/// The rows are looked for outside autodiff, and only their values are taken inside.
+fn highest(rows: Tensor<2>, groups: usize) -> Tensor<2> {
+    let width = rows.dims()[1];
+    let winners = strongest_rows(&rows, groups).reshape([groups, width]);
+    rows.gather(0, winners)
 }
 
 /// Rows of unit length.
