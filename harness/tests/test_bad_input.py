@@ -14,7 +14,11 @@ fewer than 2 classes             ``test_fewer_than_two_classes``,
                                  ``test_a_training_set_without_the_object``
 duplicate training points        ``test_duplicate_training_points_are_no_problem``
 1 test point, none               ``test_one_test_point``, ``test_no_test_point``
-numbers out of range             ``test_settings_of_the_classifier_are_named``
+numbers out of range             ``test_settings_of_the_classifier_are_named``,
+                                 ``test_a_pipeline_configuration_is_refused...``, ``test_config.py``
+missing weights                  ``test_weights_that_cannot_be_read``
+test sets, runs to compare,      ``test_config.py``, ``test_results.py``, ``test_tuning_run.py``
+tuning
 a misspelt key                   ``test_a_misspelt_pipeline_key_gets_one_line``,
                                  ``test_config.py``, ``test_cli.py`` (every other table)
 an unwritable or full folder     ``test_map_files_are_whole_or_absent``; a run's:
@@ -293,7 +297,7 @@ def test_a_refused_classification_leaves_the_map_without_confidence() -> None:
     pipeline = mapped()
     with pytest.raises(ValueError, match=r"test_points\[0\] is not finite; remove such points fir"):
         classify(pipeline, two_heaps(copies=5), np.full((1, 3), np.nan))
-    with pytest.raises(ValueError, match="model: unknown variant `metal`, expected `classic`"):
+    with pytest.raises(ValueError, match="model: unknown variant `metal`, expected one of"):
         pipeline.classify(1, two_heaps(copies=5), np.zeros((1, 3)), model="metal")
     assert np.isnan(pipeline.voxels().confidence).all()
 
@@ -325,7 +329,39 @@ def test_settings_of_the_classifier_are_named(change: dict[str, Any], message: s
     [
         ({"gp": {"modles": []}}, "unknown key gp.modles; did you mean gp.models?"),
         ({"mapp": {}}, "unknown key mapp; did you mean map?"),
-        ({"gp": {"models": ["metal"]}}, 'gp.models is ["metal"]; expected `classic`'),
+        (
+            {"gp": {"models": ["metal"]}},
+            'gp.models is ["metal"]; expected one of `classic`, `classic_tuned`, `metric_literal`, '
+            "`metric`, `network`, `nearest`",
+        ),
+        (
+            {"gp": {"classic_tuned": {"lengthscale": 0.1}}},
+            "unknown key gp.classic_tuned.lengthscale; did you mean gp.classic_tuned.lengthscale",
+        ),
+        (
+            {"gp": {"classic_tuned": {"outputscale": 0}}},
+            "gp.classic_tuned.outputscale is 0; it must be positive",
+        ),
+        ({"metric": {"temprature": 1}}, "key metric.temprature; did you mean metric.temperature?"),
+        ({"metric": {"temperature": 0}}, "metric.temperature is 0; it must be positive"),
+        (
+            {"metric": {"lengthscale_m": -0.01}},
+            "metric.lengthscale_m is -0.01; it must be positive",
+        ),
+        ({"metric": {"gate": 1}}, "metric.gate is 1; expected"),
+        (
+            {"metric": {"kernel_input": "xyzw"}},
+            'metric.kernel_input is "xyzw"; expected `xyz` or `xyz_embedding`',
+        ),
+        ({"metric": {"query_weights": ""}}, "metric.query_weights is empty; name a file of weigh"),
+        (
+            {"recalibration": {"metric": {"slope": 0}}},
+            "recalibration.metric.slope is 0; it must be positive",
+        ),
+        (
+            {"recalibration": {"metal": {}}},
+            "unknown key recalibration.metal; did you mean recalibration.met",
+        ),
         (
             {"gp": {"models": ["classic"] * 2}},
             "gp.models names classic twice; list each",
@@ -354,6 +390,16 @@ def test_a_pipeline_configuration_is_refused_by_check_and_maker_alike(
         with pytest.raises(ValueError, match=r".") as caught:
             make(json.dumps(settings))
         assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("key", ["query_weights", "metric_weights"])
+def test_weights_that_cannot_be_read(tmp_path: Path, key: str) -> None:
+    path = tmp_path / "none.safetensors"
+    with pytest.raises((ValueError, OSError), match=r"none\.safetensors"):
+        Pipeline(json.dumps({"metric": {key: str(path)}}))
+    path.write_bytes(b"no weights")
+    with pytest.raises((ValueError, OSError), match=r"none\.safetensors"):
+        Pipeline(json.dumps({"metric": {key: str(path)}}))
 
 
 def test_a_misspelt_pipeline_key_gets_one_line(
