@@ -11,15 +11,15 @@
 
 use burn::{
     module::Module,
-    nn::{BatchNorm, BatchNormConfig, Linear, LinearConfig},
-    tensor::{Device, Int, Tensor, TensorData, activation::leaky_relu},
+    nn::{Linear, LinearConfig},
+    tensor::{Device, Int, Tensor, TensorData},
 };
 use rayon::prelude::*;
 
-use crate::{NnError, knn};
-
-/// Slope of the activation below zero.
-pub const NEGATIVE_SLOPE: f64 = 0.2;
+use crate::{
+    NnError, RowNorm, knn, leaky_relu,
+    strongest::{host_values, keep_larger},
+};
 
 /// Rows per task of the search for winners: enough work to be worth a steal.
 const ROWS_PER_TASK: usize = 64;
@@ -82,11 +82,8 @@ impl NeighbourGraph {
         let [rows, channels] = values.dims();
         assert_eq!(rows, self.rows(), "one row of features per point");
         let device = values.device();
-        let data = values.clone().inner().into_data();
-        let values: &[f32] = data.as_slice().unwrap_or_else(|_| {
-            // Every network of this crate is built in single precision.
-            unreachable!("features are f32")
-        });
+        let data = host_values(values);
+        let values: &[f32] = data.as_slice().unwrap_or_default();
         let row = |j: u32| &values[j as usize * channels..(j as usize + 1) * channels];
         let mut winners = vec![0_i32; rows * channels];
         winners
@@ -99,15 +96,9 @@ impl NeighbourGraph {
                     .zip(neighbours.chunks_exact(self.k))
                 {
                     best.copy_from_slice(row(neighbours[0]));
-                    winners.fill(neighbours[0] as i32);
+                    winners.fill(neighbours[0].cast_signed());
                     for &j in &neighbours[1..] {
-                        for ((best, winner), &value) in
-                            best.iter_mut().zip(winners.iter_mut()).zip(row(j))
-                        {
-                            let larger = value > *best;
-                            *best = if larger { value } else { *best };
-                            *winner = if larger { j as i32 } else { *winner };
-                        }
+                        keep_larger(&mut best, winners, row(j), j.cast_signed());
                     }
                 }
             });
@@ -122,7 +113,7 @@ impl NeighbourGraph {
 #[derive(Module, Debug)]
 pub struct EdgeConv {
     linear: Linear,
-    norm: BatchNorm,
+    norm: RowNorm,
 }
 
 impl EdgeConv {
@@ -132,7 +123,7 @@ impl EdgeConv {
             linear: LinearConfig::new(inputs, 2 * outputs)
                 .with_bias(false)
                 .init(device),
-            norm: BatchNormConfig::new(outputs).init(device),
+            norm: RowNorm::new(outputs, device),
         }
     }
 
@@ -143,7 +134,7 @@ impl EdgeConv {
     /// When the graph has another number of rows than `x`.
     pub fn forward(&self, x: Tensor<2>, graph: &NeighbourGraph) -> Tensor<2> {
         let strongest = edge_max(self.linear.forward(x), graph);
-        leaky_relu(self.norm.forward(strongest), NEGATIVE_SLOPE)
+        leaky_relu(self.norm.forward(strongest))
     }
 }
 
@@ -178,7 +169,7 @@ mod tests {
     }
 
     fn lrelu(x: f64) -> f64 {
-        x.max(NEGATIVE_SLOPE * x)
+        x.max(0.2 * x)
     }
 
     /// The textbook form: `max_j lrelu(P x_i + Q (x_j - x_i))` with `P = A + B`, `Q = B`.
@@ -205,7 +196,7 @@ mod tests {
     }
 
     fn gather_max(x: Tensor<2>, weight: Tensor<2>, graph: &NeighbourGraph) -> Tensor<2> {
-        leaky_relu(edge_max(x.matmul(weight), graph), NEGATIVE_SLOPE)
+        leaky_relu(edge_max(x.matmul(weight), graph))
     }
 
     fn widen(values: &[f32]) -> Vec<f64> {
@@ -276,7 +267,7 @@ mod tests {
                     weight: burn::module::Param::from_tensor(tensor(&weight, 2 * OUTPUTS, &device)),
                     bias: None,
                 },
-                norm: BatchNormConfig::new(OUTPUTS).init(&device),
+                norm: RowNorm::new(OUTPUTS, &device),
             };
             let first = values(layer.forward(tensor(&x, INPUTS, &device), &graph));
             let second = values(layer.forward(tensor(&permuted_x, INPUTS, &device), &permuted));

@@ -6,13 +6,19 @@
 pub mod edge_conv;
 mod error;
 pub mod knn;
+mod leaky_relu;
 pub mod loss;
 mod mlp;
 mod parameters;
 mod provenance;
+mod row_norm;
+mod strongest;
 pub mod weights;
 
 pub use error::NnError;
+pub use leaky_relu::leaky_relu;
 pub use mlp::{Mlp, ResidualMlp};
 pub use parameters::seed_parameters;
 pub use provenance::Provenance;
+pub use row_norm::RowNorm;
+pub use strongest::strongest_rows;

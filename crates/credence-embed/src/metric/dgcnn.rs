@@ -1,10 +1,9 @@
 use burn::{
     module::Module,
-    nn::{BatchNorm, BatchNormConfig, Linear, LinearConfig},
-    tensor::{Device, Int, Tensor, TensorData, activation::leaky_relu},
+    nn::{Linear, LinearConfig},
+    tensor::{Device, Int, Tensor},
 };
-use credence_nn::edge_conv::{EdgeConv, NEGATIVE_SLOPE};
-use rayon::prelude::*;
+use credence_nn::{RowNorm, edge_conv::EdgeConv, leaky_relu, strongest_rows};
 
 use super::{clouds::CloudBatch, network::MetricWidths};
 
@@ -19,10 +18,10 @@ pub(super) struct Dgcnn {
     edges: [EdgeConv; 3],
     points: [PointLayer; 2],
     code: Linear,
-    code_norm: BatchNorm,
+    code_norm: RowNorm,
     from_code: Linear,
     from_point: Linear,
-    decoder_norm: BatchNorm,
+    decoder_norm: RowNorm,
     decoder: PointLayer,
     logits: Linear,
 }
@@ -41,10 +40,10 @@ impl Dgcnn {
             edges: [3, edge, edge].map(|inputs| EdgeConv::new(inputs, edge, device)),
             points: [(); 2].map(|()| PointLayer::new(edge, edge, device)),
             code: linear(3 * edge, widths.code),
-            code_norm: BatchNormConfig::new(widths.code).init(device),
+            code_norm: RowNorm::new(widths.code, device),
             from_code: linear(widths.code, first),
             from_point: linear(3 * edge, first),
-            decoder_norm: BatchNormConfig::new(first).init(device),
+            decoder_norm: RowNorm::new(first, device),
             decoder: PointLayer::new(first, second, device),
             logits: LinearConfig::new(second, widths.logits).init(device),
         }
@@ -67,7 +66,7 @@ impl Dgcnn {
         let hidden = (from_point.reshape([clouds, points / clouds, width])
             + self.from_code.forward(code).reshape([clouds, 1, width]))
         .reshape([points, width]);
-        let hidden = leaky_relu(self.decoder_norm.forward(hidden), NEGATIVE_SLOPE);
+        let hidden = leaky_relu(self.decoder_norm.forward(hidden));
         self.logits.forward(self.decoder.forward(hidden))
     }
 
@@ -91,19 +90,8 @@ impl Dgcnn {
     fn cloud_codes(&self, features: &Tensor<2>, clouds: usize) -> Tensor<2> {
         let weight = self.code.weight.val();
         let [inputs, channels] = weight.dims();
-        let responses = features
-            .clone()
-            .inner()
-            .matmul(weight.clone().inner())
-            .into_data();
-        let responses: &[f32] = responses
-            .as_slice()
-            .unwrap_or_else(|_| unreachable!("features are f32"));
-        let winners = strongest_rows(responses, channels, clouds);
-        let winners = Tensor::from_data(
-            TensorData::new(winners, [clouds * channels]),
-            &features.device(),
-        );
+        let responses = features.clone().inner().matmul(weight.clone().inner());
+        let winners = strongest_rows(&responses, clouds).to_device(&features.device());
         let winners = features
             .clone()
             .select(0, winners)
@@ -111,45 +99,15 @@ impl Dgcnn {
         let responses = (winners * weight.transpose().reshape([1, channels, inputs]))
             .sum_dim(2)
             .reshape([clouds, channels]);
-        leaky_relu(self.code_norm.forward(responses), NEGATIVE_SLOPE)
+        leaky_relu(self.code_norm.forward(responses))
     }
-}
-
-/// The row with the largest response per cloud and channel, `[clouds * channels]`; the first of
-/// equals.
-fn strongest_rows(responses: &[f32], channels: usize, clouds: usize) -> Vec<i32> {
-    let cloud_len = responses.len() / clouds;
-    let mut winners = vec![0_i32; clouds * channels];
-    winners
-        .par_chunks_mut(channels)
-        .zip(responses.par_chunks(cloud_len))
-        .enumerate()
-        .for_each(|(cloud, (winners, responses))| {
-            let first_row = cloud * cloud_len / channels;
-            let mut best = responses[..channels].to_vec();
-            winners.fill(first_row as i32);
-            for (row, responses) in responses.chunks_exact(channels).enumerate().skip(1) {
-                for ((best, winner), &response) in
-                    best.iter_mut().zip(winners.iter_mut()).zip(responses)
-                {
-                    let larger = response > *best;
-                    *best = if larger { response } else { *best };
-                    *winner = if larger {
-                        (first_row + row) as i32
-                    } else {
-                        *winner
-                    };
-                }
-            }
-        });
-    winners
 }
 
 /// A layer applied to every point by itself.
 #[derive(Module, Debug)]
 struct PointLayer {
     linear: Linear,
-    norm: BatchNorm,
+    norm: RowNorm,
 }
 
 impl PointLayer {
@@ -158,17 +116,18 @@ impl PointLayer {
             linear: LinearConfig::new(inputs, outputs)
                 .with_bias(false)
                 .init(device),
-            norm: BatchNormConfig::new(outputs).init(device),
+            norm: RowNorm::new(outputs, device),
         }
     }
 
     fn forward(&self, x: Tensor<2>) -> Tensor<2> {
-        leaky_relu(self.norm.forward(self.linear.forward(x)), NEGATIVE_SLOPE)
+        leaky_relu(self.norm.forward(self.linear.forward(x)))
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use burn::tensor::TensorData;
 
     use credence_nn::seed_parameters;
     use credence_types::stream;
@@ -260,7 +219,7 @@ mod tests {
             .reshape([3, 4, WIDTHS.code])
             .max_dim(1)
             .reshape([3, WIDTHS.code]);
-        let expected = leaky_relu(network.code_norm.forward(responses), NEGATIVE_SLOPE);
+        let expected = leaky_relu(network.code_norm.forward(responses));
         assert!(close(&values(code.clone()), &values(expected.clone())));
 
         // A square: what batch normalisation centres gives a plain sum no gradient.

@@ -1,9 +1,9 @@
 use burn::{
     module::{Module, Param},
     nn::{Linear, LinearConfig},
-    tensor::{Device, Int, Tensor, TensorData, activation::leaky_relu},
+    tensor::{Device, Int, Tensor, TensorData},
 };
-use credence_nn::edge_conv::NEGATIVE_SLOPE;
+use credence_nn::leaky_relu;
 
 use super::{clouds::CloudBatch, dgcnn::Dgcnn};
 
@@ -71,11 +71,7 @@ impl MetricNetwork {
         let last = self.head.len() - 1;
         self.head.iter().enumerate().fold(logits, |x, (i, layer)| {
             let x = layer.forward(x);
-            if i == last {
-                x
-            } else {
-                leaky_relu(x, NEGATIVE_SLOPE)
-            }
+            if i == last { x } else { leaky_relu(x) }
         })
     }
 

@@ -25,14 +25,14 @@ pub fn annealing(step: usize) -> f64 {
 /// `[d, c]`, holds a column per class, of any length but zero.
 pub fn a_softmax(
     features: Tensor<2>,
-    classes: Tensor<2>,
+    classes: &Tensor<2>,
     labels: Tensor<1, Int>,
     lambda: f64,
 ) -> Tensor<1> {
     let [n, _] = features.dims();
     let labels = labels.reshape([n, 1]);
     let length = norm(features.clone(), 1);
-    let directions = classes.clone() / norm(classes, 0);
+    let directions = classes.clone() / norm(classes.clone(), 0);
     let logits = features.matmul(directions);
     let own_logit = logits.clone().gather(1, labels.clone());
     let cosine = own_logit.clone() / length.clone();
@@ -145,7 +145,7 @@ mod tests {
         let features = tensor(&[2.0, 0.0], 2, &device);
         let classes = tensor(&[3.0, 0.0, 0.0, 0.5], 2, &device);
         let labels = Tensor::<1, Int>::from_data([1], &device);
-        let loss: f32 = a_softmax(features, classes, labels, 1.0).into_scalar();
+        let loss: f32 = a_softmax(features, &classes, labels, 1.0).into_scalar();
         let expected = ((-3.0_f64).exp() + 2.0_f64.exp()).ln() + 3.0;
         assert!(
             (f64::from(loss) - expected).abs() < 1e-5,
@@ -159,7 +159,7 @@ mod tests {
         let features = tensor(&[0.0; 3], 3, &device).require_grad();
         let classes = tensor(&[1.0, 0.0, 0.0, 1.0, 0.0, 0.0], 2, &device);
         let labels = Tensor::<1, Int>::from_data([0], &device);
-        let loss = a_softmax(features.clone(), classes, labels, 5.0);
+        let loss = a_softmax(features.clone(), &classes, labels, 5.0);
         let grads = loss.backward();
         let gradient = features.grad(&grads).unwrap().into_data();
         assert!(gradient.iter::<f32>().all(f32::is_finite), "{gradient}");
@@ -196,7 +196,7 @@ mod tests {
             let w = tensor(&classes, CLASSES, &device).require_grad();
             let own: Vec<i64> = labels.iter().map(|&l| l as i64).collect();
             let own = Tensor::<1, Int>::from_data(TensorData::new(own, [SAMPLES]), &device);
-            let loss = a_softmax(x.clone(), w.clone(), own, lambda);
+            let loss = a_softmax(x.clone(), &w, own, lambda);
             let grads = loss.backward();
             let found = f64::from(loss.into_scalar::<f32>());
             let expected = reference(&features, &classes, &labels, lambda);

@@ -3,33 +3,66 @@ use std::{fmt::Write as _, path::Path};
 use credence_embed::{MetricEmbedder, metric::CLOUD_POINTS};
 use credence_nn::weights::write_file;
 use credence_types::{CLASS_COUNT, Category};
-use serde::Serialize;
 
 use super::{cloud::LabelledCloud, fitness::AngularFitness};
-use crate::{TrainError, data::SceneCache};
+use crate::{TrainError, data::SceneCache, run::Figures};
 
-/// What the network is worth on scenes of objects it has not seen.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub(super) struct Evaluation {
-    /// Scenes, one cloud of 2,048 points each.
-    pub(super) scenes: usize,
-    /// Share of points whose largest logit is their class's.
-    pub(super) point_accuracy: f64,
-    /// The same among objects' points.
-    pub(super) object_point_accuracy: f64,
+/// The figures that the log of a training shows.
+pub(super) const FIGURES: [&str; 6] = [
+    "point_accuracy",
+    "object_point_accuracy",
+    "nearest_is_own",
+    "within_mean_deg",
+    "within_p95_deg",
+    "between_min_deg",
+];
+
+/// What the network makes of scenes of objects it has not seen.
+pub(super) struct Evaluated {
     /// Points by true class (row) and class of the largest logit (column), free space first.
     pub(super) confusion: [[u64; CLASS_COUNT]; CLASS_COUNT],
-    /// Of the objects' points.
-    pub(super) angles: Option<AngularFitness>,
+    /// Unit vectors of the objects' points with the index of their category.
+    pub(super) points: Vec<(usize, [f64; 3])>,
     /// The learned directions of the categories.
     pub(super) directions: Vec<[f64; 3]>,
 }
 
-/// An evaluation and the points it is made of.
-pub(super) struct Evaluated {
-    pub(super) evaluation: Evaluation,
-    /// Unit vectors of the objects' points with the index of their category.
-    pub(super) points: Vec<(usize, [f64; 3])>,
+impl Evaluated {
+    /// All figures by name; those of one class carry its name behind a slash.
+    pub(super) fn figures(&self) -> Figures {
+        let mut figures = Figures::new();
+        let mut add = |name: String, value: f64| figures.insert(name, value);
+        add("point_accuracy".to_owned(), accuracy(&self.confusion));
+        // Free space is the first row.
+        let objects = accuracy(&self.confusion[1..]);
+        add("object_point_accuracy".to_owned(), objects);
+        for (row, name) in self.confusion.iter().zip(class_names()) {
+            let points: u64 = row.iter().sum();
+            for (count, predicted) in row.iter().zip(class_names()) {
+                let share = *count as f64 / points.max(1) as f64;
+                add(format!("confusion/{name}/{predicted}"), share);
+            }
+        }
+        let categories = Category::ALL.map(Category::name);
+        let angles = AngularFitness::measure(&self.points, &self.directions, &categories);
+        add("nearest_is_own".to_owned(), angles.nearest_is_own);
+        add("within_mean_deg".to_owned(), angles.within_mean_deg);
+        add("within_p95_deg".to_owned(), angles.within_p95_deg);
+        add("between_mean_deg".to_owned(), angles.between_mean_deg);
+        add("between_min_deg".to_owned(), angles.between_min_deg);
+        add("fisher".to_owned(), angles.fisher);
+        for class in angles.classes {
+            let name = class.category;
+            add(format!("within_mean_deg/{name}"), class.within_mean_deg);
+            add(format!("within_p95_deg/{name}"), class.within_p95_deg);
+            add(format!("nearest_class_deg/{name}"), class.nearest_class_deg);
+        }
+        figures
+    }
+}
+
+fn class_names() -> impl Iterator<Item = &'static str> {
+    std::iter::once("free").chain(Category::ALL.map(Category::name))
 }
 
 /// Embeds the scenes' clouds.
@@ -48,18 +81,10 @@ pub(super) fn evaluate(
         let occupied = cloud.occupied();
         points.extend(occupied.map(|(i, category)| (index_of(category), embedded[i].direction)));
     }
-    let directions = embedder.class_directions();
-    let names = Category::ALL.map(Category::name);
     Ok(Evaluated {
-        evaluation: Evaluation {
-            scenes: scenes.len(),
-            point_accuracy: accuracy(&confusion),
-            object_point_accuracy: accuracy(&confusion[1..]),
-            confusion,
-            angles: AngularFitness::measure(&points, &directions, &names),
-            directions,
-        },
+        confusion,
         points,
+        directions: embedder.class_directions(),
     })
 }
 
@@ -96,7 +121,7 @@ pub(super) fn write_table(
         writeln!(table, "{kind},{name},{x:.6},{y:.6},{z:.6}")
     };
     let mut lines = || {
-        for (category, direction) in evaluated.evaluation.directions.iter().enumerate() {
+        for (category, direction) in evaluated.directions.iter().enumerate() {
             add("direction", category, *direction)?;
         }
         for category in 0..Category::ALL.len() {
@@ -138,16 +163,13 @@ mod tests {
     fn the_table_has_the_directions_and_a_sample_of_the_points() {
         let direction = [0.0, 0.6, -0.8];
         let evaluated = Evaluated {
-            evaluation: Evaluation {
-                scenes: 1,
-                point_accuracy: 0.0,
-                object_point_accuracy: 0.0,
-                confusion: [[0; CLASS_COUNT]; CLASS_COUNT],
-                angles: None,
-                directions: vec![direction; 6],
-            },
+            confusion: [[0; CLASS_COUNT]; CLASS_COUNT],
+            directions: vec![direction; 6],
             points: vec![(5, direction); 10],
         };
+        let figures = evaluated.figures();
+        assert!(FIGURES.iter().all(|name| figures.contains_key(*name)));
+        assert!(figures.values().all(|value| value.is_finite()));
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("points.csv");
         write_table(&evaluated, 4, &path).unwrap();

@@ -1,7 +1,5 @@
-use serde::Serialize;
-
 /// How far the points of a class spread on the sphere.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct ClassSpread {
     /// The category.
     pub(super) category: &'static str,
@@ -16,7 +14,7 @@ pub(super) struct ClassSpread {
 }
 
 /// Whether classes are narrow and far apart on the sphere.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct AngularFitness {
     /// One entry per category that has points.
     pub(super) classes: Vec<ClassSpread>,
@@ -39,15 +37,12 @@ type Direction = [f64; 3];
 
 impl AngularFitness {
     /// Of unit vectors with the index of their class, whose learned directions and names are
-    /// given. `None` when there are no points.
+    /// given; all angles are 0 when there are no points.
     pub(super) fn measure(
         points: &[(usize, Direction)],
         learned: &[Direction],
         names: &[&'static str],
-    ) -> Option<Self> {
-        if points.is_empty() {
-            return None;
-        }
+    ) -> Self {
         let of_class = |class: usize| points.iter().filter(move |(c, _)| *c == class);
         let means: Vec<Option<Direction>> = (0..names.len())
             .map(|class| mean_direction(of_class(class).map(|(_, e)| *e)))
@@ -63,27 +58,28 @@ impl AngularFitness {
             let Some(mean) = means[class] else { continue };
             let mut within: Vec<f64> = of_class(class).map(|(_, e)| angle_deg(*e, mean)).collect();
             all_within.extend(&within);
+            let others: Vec<f64> = (0..names.len())
+                .filter(|other| *other != class)
+                .filter_map(|other| between(class, other))
+                .collect();
             classes.push(ClassSpread {
                 category: name,
                 points: within.len(),
                 within_mean_deg: average(&within),
                 within_p95_deg: percentile_95(&mut within),
-                nearest_class_deg: (0..names.len())
-                    .filter(|other| *other != class)
-                    .filter_map(|other| between(class, other))
-                    .fold(180.0, f64::min),
+                nearest_class_deg: smallest(&others),
             });
         }
         let own = |(class, e): &&(usize, Direction)| nearest(*e, learned) == Some(*class);
-        Some(Self {
+        Self {
             classes,
             within_mean_deg: average(&all_within),
             within_p95_deg: percentile_95(&mut all_within),
             between_mean_deg: average(&pairs),
-            between_min_deg: pairs.iter().copied().fold(180.0, f64::min),
-            nearest_is_own: points.iter().filter(own).count() as f64 / points.len() as f64,
+            between_min_deg: smallest(&pairs),
+            nearest_is_own: points.iter().filter(own).count() as f64 / points.len().max(1) as f64,
             fisher: fisher(points, &means),
-        })
+        }
     }
 }
 
@@ -98,7 +94,7 @@ fn fisher(points: &[(usize, Direction)], means: &[Option<Direction>]) -> f64 {
             between += 1.0 - dot(mean, centre);
         }
     }
-    within / between
+    if between > 0.0 { within / between } else { 0.0 }
 }
 
 /// The class whose direction makes the smallest angle.
@@ -120,6 +116,11 @@ fn dot(a: Direction, b: Direction) -> f64 {
 
 fn angle_deg(a: Direction, b: Direction) -> f64 {
     dot(a, b).clamp(-1.0, 1.0).acos().to_degrees()
+}
+
+/// 0 of none.
+fn smallest(values: &[f64]) -> f64 {
+    values.iter().copied().reduce(f64::min).unwrap_or(0.0)
 }
 
 fn average(values: &[f64]) -> f64 {
@@ -151,7 +152,7 @@ mod tests {
             (1, on_equator(90.0)),
         ];
         let learned = [on_equator(10.0), on_equator(70.0), on_equator(-90.0)];
-        let found = AngularFitness::measure(&points, &learned, &["a", "b", "c"]).unwrap();
+        let found = AngularFitness::measure(&points, &learned, &["a", "b", "c"]);
         let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-6, "{a} is not {b}");
         assert_eq!(found.classes.len(), 2);
         close(found.classes[0].within_mean_deg, 10.0);
@@ -172,9 +173,10 @@ mod tests {
     fn the_nearest_learned_direction_counts() {
         let points = [(0, on_equator(0.0)), (0, on_equator(40.0))];
         let learned = [on_equator(0.0), on_equator(50.0)];
-        let found = AngularFitness::measure(&points, &learned, &["a", "b"]).unwrap();
+        let found = AngularFitness::measure(&points, &learned, &["a", "b"]);
         assert_eq!(found.nearest_is_own, 0.5);
-        assert!(AngularFitness::measure(&[], &learned, &["a", "b"]).is_none());
+        let none = AngularFitness::measure(&[], &learned, &["a", "b"]);
+        assert_eq!((none.within_p95_deg, none.fisher), (0.0, 0.0));
     }
 
     #[test]

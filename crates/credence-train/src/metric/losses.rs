@@ -82,7 +82,7 @@ impl Losses {
             let logits = logits.detach().select(0, integers(occupied));
             a_softmax(
                 network.features(logits),
-                network.classes(),
+                &network.classes(),
                 integers(categories),
                 annealing(step),
             )

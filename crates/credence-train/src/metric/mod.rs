@@ -1,6 +1,10 @@
 //! Training and evaluation of the seed's metric embedding.
 
 mod cloud;
+mod command;
 mod evaluate;
 mod fitness;
 mod losses;
+mod task;
+
+pub use command::{EmbedArgs, SphereArgs};
