@@ -104,7 +104,7 @@ def tune(
     ] = "validation",
     scenes: Annotated[int, number_option("Scenes of each class, each of its own object.")] = 12,
     seed: Annotated[int, number_option("Seed of the meshes and the scenes.")] = 1,
-    test_points: Annotated[int, number_option("Test points of each test set.")] = 400,
+    test_points: Annotated[int, number_option("Test points of each test set.")] = 300,
     model: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME", help="Model to tune and recalibrate; again for more."),

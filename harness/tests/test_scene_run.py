@@ -15,7 +15,7 @@ from numpy.testing import assert_array_equal
 
 from harness import scene_run
 from harness.config import Config
-from harness.protocol import box_test_points
+from harness.protocol import COMPLETIONS, box_test_points, draw_test_points
 from harness.runs.job import SceneJob
 from harness.runs.records import METRICS, Record, SceneResult, Variant
 from harness.scene_run import (
@@ -29,23 +29,29 @@ from harness.scene_run import (
     variants,
 )
 from harness.scoring import Answers
+from harness.table.summary import MODEL_ORDER
 
 if TYPE_CHECKING:
     from harness.native import MappedObject, Pipeline
     from sim_scenes import Scene
 
-MODELS = ["classic"]
+MODELS = list(MODEL_ORDER)
+PROCESSES = MODELS[:4]
 CONFIG = Config.model_validate(
     {
         "scenes": {"width": 160, "height": 120},
         "protocol": {"test_points": 300},
-        "pipeline": {"training": {"points": 240}, "gp": {"models": MODELS, "fit_points": 120}},
+        "pipeline": {
+            "training": {"points": 240},
+            "gp": {"models": MODELS, "fit_points": 120},
+            "recalibration": {"classic": {"slope": 1.0, "intercept": 0.0}},
+        },
     }
 )
 JOB = SceneJob(scene_id="mug-0000", category="mug", object_name="mug_pybullet", seed=11)
 CLUTTERED = replace(JOB, cluttered=True)
 
-STAGES = ["truth", "score", "segment", "map", "training points", "fit", "posterior"]
+STAGES = ["truth", "score", "segment", "map", "training points", "fit", "posterior", "embed"]
 
 DIGEST = """
 from harness.scene_run import simulate_job
@@ -79,15 +85,18 @@ def records(result: SceneResult) -> list[Record]:
     return result.records
 
 
-def of_completion(records: list[Record], completion: str) -> list[Record]:
-    return [record for record in records if record.completion == completion]
+def of_completion(
+    records: list[Record], completion: str, *, model: str = "classic"
+) -> list[Record]:
+    return [row for row in records if (row.completion, row.model) == (completion, model)]
 
 
 def test_records_are_complete(scene: Scene, records: list[Record]) -> None:
-    assert [record.tolerance_m for record in records] == [0.0025, 0.005, 0.01] * 2
-    assert [record.variant for record in records] == [
-        *[Variant("classic", "none")] * 3,
-        *[Variant("classic", "perturbed")] * 3,
+    assert [record.key()[1:] for record in records] == [
+        (model, completion, "oracle", tolerance_m)
+        for model in MODELS
+        for completion in ("none", "perturbed")
+        for tolerance_m in (0.0025, 0.005, 0.01)
     ]
     for record in records:
         assert (record.status, record.failure) == ("ok", None)
@@ -101,7 +110,10 @@ def test_records_are_complete(scene: Scene, records: list[Record]) -> None:
         assert record.redraws == scene.redraw_count
         assert (record.object_training_points, record.free_training_points) == (120, 120)
         assert [name for name in METRICS if getattr(record, name) is None] == []
-        assert (record.clamped_share, record.jitter) == (0.0, 0.0)
+        assert record.jitter == 0.0
+        assert record.clamped_share == 0.0 or record.model == "metric_literal"
+        assert record.gate == 1.0
+        assert (record.ood is None) == (record.model not in ("metric", "network"))
         for fits in (record.fits_unconverged, record.fits_at_bound):
             assert fits is not None
             assert 0 <= fits <= 2
@@ -112,8 +124,8 @@ def test_records_are_complete(scene: Scene, records: list[Record]) -> None:
         assert record.fn is not None
         assert record.base_rate == (record.tp + record.fn) / 300
         for scale in (record.lengthscale_m, record.lengthscale_free_m):
-            assert scale is not None
-            assert scale > 0
+            assert (scale is None) == (record.model not in PROCESSES)
+            assert scale is None or scale > 0
 
 
 @pytest.mark.parametrize("completion", ["none", "perturbed"])
@@ -128,7 +140,23 @@ def test_a_wider_tolerance_finds_more_positives(records: list[Record], completio
 
 
 def test_a_classifier_is_better_than_chance(records: list[Record]) -> None:
-    assert all(record.auroc is not None and record.auroc > 0.55 for record in records)
+    for model in ("classic", "classic_tuned"):
+        for record in of_completion(records, "none", model=model):
+            assert record.auroc is not None
+            assert record.auroc > 0.6
+
+
+def test_literal_variances_are_clamped_in_each_test_set_by_itself(
+    scene: Scene, records: list[Record]
+) -> None:
+    pipeline = map_scene(scene, config=CONFIG)
+    (item,) = pipeline.objects()
+    training = pipeline.training_set(item.id, seed=JOB.seed)
+    for test_set, completion in COMPLETIONS.items():
+        points = draw_test_points(scene.objects[0], test_set=test_set, count=300, seed=JOB.seed)
+        alone = pipeline.classify(item.id, training, points, model="metric_literal")
+        stated = of_completion(records, completion, model="metric_literal")
+        assert {row.clamped_share for row in stated} == {alone.clamped_share}
 
 
 def test_a_wrong_instance_lies_closer_to_the_mesh_than_the_box_does(records: list[Record]) -> None:
@@ -156,10 +184,11 @@ def test_one_test_set_alone_is_the_same_as_beside_another(scene: Scene) -> None:
     )
     clock = StageClock(JOB.scene_id)
     found = evaluate_scene(scene, job=JOB, config=alone, clock=clock).records
-    beside = of_completion(evaluate(scene).records, "perturbed")
+    beside = [row for row in evaluate(scene).records if row.completion == "perturbed"]
     for mine, theirs in zip(found, beside, strict=True):
         assert (mine.tp, mine.tn, mine.fp, mine.fn) == (theirs.tp, theirs.tn, theirs.fp, theirs.fn)
-        assert mine.log_loss == pytest.approx(theirs.log_loss, rel=1e-9)
+        assert mine.model == theirs.model
+        assert mine.log_loss == pytest.approx(theirs.log_loss, rel=1e-6)
 
 
 def test_under_the_oracle_the_confidence_is_the_probability(scene: Scene) -> None:
@@ -227,15 +256,13 @@ def test_fewer_views_look_at_the_same_scene(scene: Scene) -> None:
 
 def test_every_stage_is_timed_once() -> None:
     result = run_scene(JOB, CONFIG)
-    assert [timing.stage for timing in result.timings] == ["render", *STAGES]
-    models = {timing.stage: timing.model for timing in result.timings}
-    assert {stage for stage, model in models.items() if model == "classic"} == {
-        "score",
-        "fit",
-        "posterior",
-    }
+    stages = [(timing.stage, timing.model) for timing in result.timings]
+    assert len(set(stages)) == len(stages)
+    assert list(dict.fromkeys(stage for stage, _ in stages)) == ["render", *STAGES]
+    of_classic = [timing.stage for timing in result.timings if timing.model == "classic"]
+    assert sorted(of_classic) == ["fit", "posterior", "score"]
     assert all(timing.seconds > 0 for timing in result.timings)
-    assert len(result.records) == 6
+    assert len(result.records) == 6 * len(MODELS)
 
 
 def test_a_cluttered_scene_is_scored_too() -> None:
@@ -243,7 +270,7 @@ def test_a_cluttered_scene_is_scored_too() -> None:
     assert 2 <= len(scene.objects) <= 5
     assert scene.objects[0].name == "mug_pybullet"
     result = evaluate(scene, CLUTTERED)
-    assert [record.status for record in result.records] == ["ok"] * 6
+    assert [record.status for record in result.records] == ["ok"] * 6 * len(MODELS)
     assert all(record.auroc is not None for record in result.records)
     assert digest(evaluate(scene, CLUTTERED)) == digest(result)
     known = {"free", *(item.category for item in scene.objects)}
@@ -251,7 +278,9 @@ def test_a_cluttered_scene_is_scored_too() -> None:
 
 
 def test_a_run_knows_its_variants_before_any_scene() -> None:
-    assert variants(CONFIG) == [Variant("classic", "none"), Variant("classic", "perturbed")]
+    assert variants(CONFIG) == [
+        Variant(model, completion) for completion in ("none", "perturbed") for model in MODELS
+    ]
 
 
 def mapped(scene: Scene) -> list[MappedObject]:

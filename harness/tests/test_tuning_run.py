@@ -61,7 +61,7 @@ def fake_scenes(monkeypatch: pytest.MonkeyPatch, *, lost: int = 0) -> None:
         config: Config, *, folder: Path, test_points: int, lost: Callable[[str, str], None]
     ) -> Iterator[FakeScene]:
         assert folder.is_dir()
-        assert test_points == 400
+        assert test_points == 300
         keys = {
             model: [item.key for item in tuning._space(model, settings=config.pipeline)]
             for model in config.pipeline["gp"]["models"]
