@@ -56,8 +56,10 @@ def test_every_model_answers_in_the_same_form(model: str) -> None:
         assert predictions.difference_variance is None
         assert (predictions.variance == 0).all()
         assert (predictions.score == predictions.confidence).all()
+    assert predictions.clamped.shape == (n,)
+    assert predictions.clamped_share == predictions.clamped.mean()
     if model != "metric_literal":
-        assert predictions.clamped_share == 0
+        assert not predictions.clamped.any()
     if model in ("metric", "network"):
         assert predictions.prior_probability is not None
         assert predictions.embedding is not None
@@ -93,7 +95,8 @@ def test_recalibration_changes_the_confidence_and_nothing_else() -> None:
     assert (before.probabilities == after.probabilities).all()
     off = (before.probabilities[:, 1] > 0) & (before.probabilities[:, 1] < 1)
     logit = np.log(before.probabilities[off, 1] / before.probabilities[off, 0])
-    expected = 1 / (1 + np.exp(1 - 2 * logit))
+    assert off.any()
+    expected = np.exp(-np.logaddexp(0, 1 - 2 * logit))
     assert np.allclose(after.confidence[off], expected, rtol=1e-9, atol=0)
 
 

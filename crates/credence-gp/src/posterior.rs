@@ -8,7 +8,7 @@ pub struct Posterior {
     /// Per class, per point.
     mean: Vec<Vec<f64>>,
     variance: Vec<Vec<f64>>,
-    clamped_share: f64,
+    clamped: Vec<bool>,
     jitter: f64,
 }
 
@@ -17,19 +17,15 @@ impl Posterior {
     pub(crate) fn new(mean: Vec<Vec<f64>>, mut variance: Vec<Vec<f64>>, jitter: f64) -> Self {
         let points = mean.first().map_or(0, Vec::len);
         let clamped = (0..points)
-            .filter(|&point| variance.iter().any(|class| class[point] < 0.0))
-            .count();
+            .map(|point| variance.iter().any(|class| class[point] < 0.0))
+            .collect();
         for value in variance.iter_mut().flatten() {
             *value = value.max(0.0);
         }
         Self {
             mean,
             variance,
-            clamped_share: if clamped == 0 {
-                0.0
-            } else {
-                clamped as f64 / points as f64
-            },
+            clamped,
             jitter,
         }
     }
@@ -54,10 +50,16 @@ impl Posterior {
         &self.variance
     }
 
-    /// Share of the test points whose variance was below zero for some class and clamped: 0 for
-    /// every sound covariance.
-    pub const fn clamped_share(&self) -> f64 {
-        self.clamped_share
+    /// Whether the variance of each point was below zero for some class and clamped: never with a
+    /// sound covariance.
+    pub fn clamped(&self) -> &[bool] {
+        &self.clamped
+    }
+
+    /// Share of the points that are clamped; 0 if there are none.
+    pub fn clamped_share(&self) -> f64 {
+        let clamped = self.clamped.iter().filter(|clamped| **clamped).count();
+        clamped as f64 / self.clamped.len().max(1) as f64
     }
 
     /// The most that was added to a class's covariance diagonal to factorise it; 0 as a rule.

@@ -364,6 +364,7 @@ fn metric_literal_clamps_variances_below_zero_and_reports_their_share() {
         .posterior(&training, &covariance, &hyperparameters, &test)
         .unwrap();
     assert_eq!(posterior.variance(), [[0.0, 1.0], [0.0, 1.0]]);
+    assert_eq!(posterior.clamped(), [true, false]);
     assert_eq!(posterior.clamped_share(), 0.5);
 
     let raw = gp

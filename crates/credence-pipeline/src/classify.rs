@@ -3,7 +3,7 @@ use credence_types::{InvalidInput, Prediction, Predictions};
 
 use crate::{
     NetworkView, PipelineError, Platt,
-    models::{Answer, Process, Question},
+    models::{Answer, Question},
 };
 
 /// Predictions, and what made them.
@@ -19,6 +19,8 @@ pub struct Classification {
     /// inside its range; none if the model searches none. Those of "metric" are of the classic
     /// process that its gate weighs it against.
     pub fits: Vec<Fit>,
+    /// Whether each test point's variance was below zero and clamped: only by "metric_literal".
+    pub clamped: Vec<bool>,
     /// Variance per test point of the latent difference between the object's category and free
     /// space, if the model is a process.
     pub difference_variance: Option<Vec<f64>>,
@@ -108,23 +110,22 @@ impl Classification {
             clamped_share,
             jitter,
         };
-        let (difference_variance, hyperparameters, fits) = match process {
-            None => (None, Vec::new(), Vec::new()),
-            Some(Process {
-                difference_variance,
-                hyperparameters,
-                fits,
-                ..
-            }) => (Some(difference_variance), hyperparameters, fits),
-        };
-        Self {
+        let mut classification = Self {
+            clamped: vec![false; predictions.points.len()],
             predictions,
-            hyperparameters,
-            fits,
-            difference_variance,
+            hyperparameters: Vec::new(),
+            fits: Vec::new(),
+            difference_variance: None,
             gate: gate.unwrap_or(1.0),
             network,
+        };
+        if let Some(process) = process {
+            classification.clamped = process.clamped;
+            classification.hyperparameters = process.hyperparameters;
+            classification.fits = process.fits;
+            classification.difference_variance = Some(process.difference_variance);
         }
+        classification
     }
 }
 

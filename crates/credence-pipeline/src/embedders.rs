@@ -4,8 +4,8 @@ use crate::{MetricConfig, PipelineError};
 
 /// The networks, each loaded when it is first needed.
 pub(crate) struct Embedders {
-    query: Option<QueryEmbedder>,
-    metric: Option<MetricEmbedder>,
+    pub(crate) query: Option<QueryEmbedder>,
+    pub(crate) metric: Option<MetricEmbedder>,
 }
 
 impl Embedders {

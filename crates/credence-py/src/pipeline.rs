@@ -166,6 +166,12 @@ impl PyPredictions {
         self.0.predictions.clamped_share
     }
 
+    /// Whether each point's variance was below zero and clamped.
+    #[getter]
+    fn clamped<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
+        self.0.clamped.to_pyarray(py)
+    }
+
     #[getter]
     const fn jitter(&self) -> f64 {
         self.0.predictions.jitter

@@ -1,3 +1,5 @@
+use credence_map::SemanticMapConfig;
+
 use super::*;
 
 fn message(text: &str) -> String {

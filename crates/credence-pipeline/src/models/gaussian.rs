@@ -79,6 +79,7 @@ pub(super) fn answer_of(
             variance: posterior.predicted_variance(),
             score: posterior.confidence()?,
             difference_variance: difference_variance(question, posterior),
+            clamped: posterior.clamped().to_vec(),
             clamped_share: posterior.clamped_share(),
             jitter: posterior.jitter(),
             hyperparameters,

@@ -94,6 +94,8 @@ pub(crate) struct Process {
     /// Variance per test point of the latent difference between the category asked about and free
     /// space.
     pub(crate) difference_variance: Vec<f64>,
+    /// Whether the variance was below zero per test point.
+    pub(crate) clamped: Vec<bool>,
     pub(crate) clamped_share: f64,
     pub(crate) jitter: f64,
     /// Per class.

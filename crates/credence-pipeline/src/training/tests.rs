@@ -200,7 +200,7 @@ fn a_neighbour_is_neither_free_nor_the_object() {
             class => assert!(on(if class == Mug.class() { &mug } else { &bowl })),
         }
     }
-    let of = |category: credence_types::Category| of_class[usize::from(category.class())];
+    let of = |category: Category| of_class[usize::from(category.class())];
     assert!(of(Mug) > 0 && of(Bowl) > 0);
     assert_eq!((of(Mug) + of(Bowl), of_class[0]), (300, 300));
 }
