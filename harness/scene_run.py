@@ -18,10 +18,8 @@ from sim_scenes import DepthNoise, SceneSpec, load_object_set, simulate
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    import numpy.typing as npt
-
     from harness.config import Config
-    from harness.native import MappedObject, Predictions, TrainingSet
+    from harness.native import MappedObject
     from harness.runs.job import SceneJob
     from sim_scenes import Scene, SceneObject
 
@@ -170,11 +168,7 @@ def evaluate_scene(
             pipeline.annotate(mapped.id, test_points, predictions)
         for number, test_set in enumerate(protocol.test_sets):
             part = slice(number * protocol.test_points, (number + 1) * protocol.test_points)
-            points = np.ascontiguousarray(test_points[part])
-            share = _clamped_share(
-                pipeline, mapped, training, points, of_all=predictions, model=model
-            )
-            answers = Answers(predictions, part, share)
+            answers = Answers(predictions, part)
             with clock.stage("score", model=model):
                 for tolerance_m in protocol.tolerances_m:
                     true = true_categories(
@@ -209,26 +203,6 @@ def evaluate_scene(
     for stage, of_model, seconds in pipeline.timings():
         clock.add(stage, seconds, model=of_model)
     return result
-
-
-def _clamped_share(
-    pipeline: Pipeline,
-    item: MappedObject,
-    training: TrainingSet,
-    points: npt.NDArray[np.float64],
-    *,
-    model: str,
-    of_all: Predictions,
-) -> float:
-    """Share of one test set's points whose variance is clamped.
-
-    Predictions state that of all points they are about: where it is not 0, the model is asked
-    about the set alone.
-    """
-    if of_all.clamped_share == 0 or len(points) == len(of_all.classes):
-        return of_all.clamped_share
-    alone = pipeline.classify(item.id, training, np.ascontiguousarray(points), model=model)
-    return alone.clamped_share
 
 
 def mesh_truth(item: SceneObject) -> MeshTruth:

@@ -32,13 +32,10 @@ class Answers:
         About the points of all test sets.
     part
         Those of this one.
-    clamped_share
-        Share of its points whose variance was negative and clamped.
     """
 
     predictions: Predictions
     part: slice
-    clamped_share: float = 0.0
 
     @property
     def classes(self) -> npt.NDArray[np.uint8]:
@@ -57,6 +54,12 @@ class Answers:
         It is affine in the standard deviation, so that these extremes change no order.
         """
         return np.ascontiguousarray(self.predictions.score[self.part])
+
+    @property
+    def clamped_share(self) -> float:
+        """Share of these points whose variance was negative and clamped."""
+        clamped = self.predictions.clamped[self.part]
+        return float(np.mean(clamped)) if len(clamped) else 0.0
 
     def probability(self, category: str) -> Floats:
         """Raw probability (n,) of a category; 0 where the classifier does not know it."""

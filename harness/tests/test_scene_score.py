@@ -27,7 +27,8 @@ def predictions(**change: Any) -> Any:
         "probabilities": PROBABILITIES,
         "confidence": SEGMENTER_SCORE * PROBABILITIES[:, 2],
         "score": np.array([0.1, 0.2, 0.3, 0.4]),
-        "gate": None,
+        "clamped": np.array([False, True, False, False]),
+        "gate": 1.0,
         "ood": None,
         "jitter": 0.0,
         "fits_unconverged": 2,
@@ -121,6 +122,8 @@ def test_a_test_set_is_scored_by_its_own_points() -> None:
     found = record(part=slice(0, 2))
     assert (found.tp, found.tn, found.fp, found.fn, found.test_points) == (1, 0, 1, 0, 2)
     assert found.brier == pytest.approx((0.2**2 + 0.6**2) / 2)
+    assert (found.clamped_share, record(part=slice(2, 4)).clamped_share) == (0.5, 0.0)
+    assert record().clamped_share == 0.25
 
 
 def test_a_model_without_processes_has_no_hyperparameters() -> None:
