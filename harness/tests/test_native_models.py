@@ -126,6 +126,7 @@ def test_the_embedding_of_the_network_is_at_hand() -> None:
     assert predictions.embedding is not None
     radius = 1 / (1 + np.exp(-logits))
     assert np.allclose(predictions.embedding, radius[:, None] * directions)
+    assert predictions.prior_probability is not None
     assert np.allclose(predictions.prior_probability, radius)
 
 
@@ -173,3 +174,21 @@ def test_every_model_notes_its_stages() -> None:
         "network": ["embed"],
         "nearest": ["posterior"],
     }
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_same_frames_and_seed_give_the_same_bits(model: str) -> None:
+    first, second = classified(model), classified(model)
+    assert (first.probabilities == second.probabilities).all()
+    assert (first.score == second.score).all()
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_an_object_of_the_wrong_category_gets_sound_numbers(model: str) -> None:
+    pipeline = Pipeline(json.dumps({"training": {"points": 200}, "gp": {"fit_points": 60}}))
+    pipeline.add_frame(**frame(categories={1: "laptop"}))
+    training = pipeline.training_set(1, seed=0)
+    predictions = pipeline.classify(1, training, near_and_far(training), model=model)
+    assert predictions.class_names == ["free", "laptop"]
+    assert np.isfinite(predictions.confidence).all()
+    assert predictions.ood is None or predictions.ood >= 0
