@@ -53,6 +53,73 @@ impl<R: Rng> ModuleMapper for Seeder<'_, R> {
         let draw = |_| self.rng.random_range(-bound..bound);
         let values: Vec<f32> = (0..count).map(draw).collect();
         let tensor = Tensor::from_data(TensorData::new(values, shape), &value.device());
-        Param::initialized(id, tensor.require_grad())
+        // A device that records no gradients refuses to be asked for them.
+        let trainable = value.is_require_grad();
+        Param::initialized(
+            id,
+            if trainable {
+                tensor.require_grad()
+            } else {
+                tensor
+            },
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use burn::{module::list_param_ids, tensor::Device};
+    use rand_chacha::{ChaCha20Rng, rand_core::SeedableRng as _};
+
+    use super::*;
+    use crate::Mlp;
+
+    #[derive(Module, Debug)]
+    struct Net {
+        layers: Mlp,
+        own: Param<Tensor<1>>,
+    }
+
+    fn seeded(seed: u64) -> Net {
+        let device = Device::flex();
+        let net = Net {
+            layers: Mlp::new([4, 9, 2], &device),
+            own: Param::from_tensor(Tensor::ones([3], &device)),
+        };
+        seed_parameters(net, &mut ChaCha20Rng::seed_from_u64(seed))
+    }
+
+    #[test]
+    fn the_seed_alone_decides_weights_and_numbers() {
+        let bytes = |seed| crate::weights::to_bytes(&seeded(seed)).unwrap();
+        assert_eq!(bytes(1), bytes(1));
+        assert_ne!(bytes(1), bytes(2));
+        let ids: BTreeSet<u64> = list_param_ids(&seeded(1))
+            .iter()
+            .map(|id| id.val())
+            .collect();
+        assert_eq!(ids, (1..=5).collect());
+    }
+
+    #[test]
+    fn weights_stay_within_their_bound_and_other_parameters_as_they_are() {
+        let net = seeded(1);
+        let bytes = crate::weights::to_bytes(&net).unwrap();
+        assert!(!bytes.is_empty());
+        assert_eq!(
+            net.own.val().into_data().iter::<f32>().collect::<Vec<_>>(),
+            [1.0; 3]
+        );
+        let out = net
+            .layers
+            .forward(Tensor::zeros([1, 4], &Device::flex()))
+            .into_data();
+        // Biases within 1/2 of nine units, then weights and biases within 1/3.
+        assert!(
+            out.iter::<f32>()
+                .all(|v| v != 0.0 && v.abs() <= 9.0 * 0.5 / 3.0 + 1.0 / 3.0)
+        );
     }
 }

@@ -94,11 +94,11 @@ impl QueryEmbedder {
         observation: &Observation,
         queries: &[Point],
     ) -> Result<Vec<QueryEmbedding>, EmbedError> {
+        finite("object", &observation.object)?;
         finite("free", &observation.free)?;
         finite("queries", queries)?;
         let object = thinned("object", &observation.object);
         let viewpoint = observation.viewpoint;
-        finite("object", &observation.object)?;
         let frame = ObjectFrame::new(&object, viewpoint, observation.table_height_m)?;
         let to_frame = |point: &Point| frame.from_world(point).map(|c| c as f32);
         let free = thinned("free", &observation.free);

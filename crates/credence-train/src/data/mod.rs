@@ -18,7 +18,7 @@ mod scene;
 mod sensor;
 mod stage;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 pub use cache::SceneCache;
 pub use command::DataCommand;

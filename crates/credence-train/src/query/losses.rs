@@ -3,7 +3,7 @@ use burn::tensor::{
     activation::{log_softmax, relu},
 };
 use credence_embed::query::{CATEGORIES, Decoded, Encoded, QueryNetwork};
-use credence_nn::loss::AngularMargin;
+use credence_nn::loss::{AngularMargin, one_hot};
 
 use super::augment::Example;
 
@@ -31,17 +31,10 @@ impl Truth {
             .flat_map(|e| e.labels.iter().map(|_| e.category));
         Self {
             labels: Tensor::from_data(TensorData::new(labels, [count]), device),
-            query_categories: one_hot(per_query, device),
-            categories: one_hot(examples.iter().map(|e| e.category), device),
+            query_categories: one_hot(per_query, CATEGORIES, device),
+            categories: one_hot(examples.iter().map(|e| e.category), CATEGORIES, device),
         }
     }
-}
-
-fn one_hot(categories: impl Iterator<Item = usize>, device: &Device) -> Tensor<2> {
-    let row = |category| (0..CATEGORIES).map(move |c| if c == category { 1.0_f32 } else { 0.0 });
-    let values: Vec<f32> = categories.flat_map(row).collect();
-    let rows = values.len() / CATEGORIES;
-    Tensor::from_data(TensorData::new(values, [rows, CATEGORIES]), device)
 }
 
 /// The loss and its parts: surface, direction, class.
@@ -70,4 +63,24 @@ pub(super) fn losses(
 pub(super) fn cross_entropy(logits: Tensor<1>, labels: Tensor<1>) -> Tensor<1> {
     let tail = (-logits.clone().abs()).exp().log1p();
     relu(logits.clone()) - logits * labels + tail
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cross_entropy_is_that_of_the_sigmoid_even_far_out() {
+        let device = Device::flex();
+        let tensor = |values: [f32; 4]| Tensor::<1>::from_data(values, &device);
+        let found = cross_entropy(
+            tensor([0.0, 2.0, -1.0, 200.0]),
+            tensor([1.0, 0.0, 1.0, 0.0]),
+        );
+        // -ln sigmoid(0), -ln sigmoid(-2), -ln sigmoid(-1), and the logit itself far out.
+        let expected = [0.693_147_2, 2.126_928, 1.313_261_7, 200.0];
+        for (found, expected) in found.into_data().iter::<f32>().zip(expected) {
+            assert!((found - expected).abs() < 1e-5, "{found} {expected}");
+        }
+    }
 }

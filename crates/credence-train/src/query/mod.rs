@@ -6,6 +6,9 @@ mod evaluate;
 mod losses;
 mod task;
 
+#[cfg(test)]
+mod tests;
+
 pub use command::QueryArgs;
 pub use evaluate::evaluate;
 pub use task::QueryTask;

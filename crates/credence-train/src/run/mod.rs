@@ -9,6 +9,9 @@ mod progress;
 mod schedule;
 mod train;
 
+#[cfg(test)]
+mod tests;
+
 pub use progress::note;
 pub use schedule::Schedule;
 pub use train::{Figures, Outcome, Plan, Task, train};

@@ -11,6 +11,7 @@ pub fn note(text: &str) {
 /// A line on stderr: how far, how well, how long still.
 pub(super) struct Progress {
     start: Instant,
+    lap: Instant,
     first: u64,
     steps: u64,
     shown: Option<Instant>,
@@ -21,6 +22,7 @@ impl Progress {
     pub(super) fn new(first: u64, steps: u64) -> Self {
         Self {
             start: Instant::now(),
+            lap: Instant::now(),
             first,
             steps,
             shown: None,
@@ -28,9 +30,11 @@ impl Progress {
         }
     }
 
-    /// Seconds since the run or its resumption began.
-    pub(super) fn seconds(&self) -> f64 {
-        self.start.elapsed().as_secs_f64()
+    /// Seconds since this was last asked, or since the run began or was resumed.
+    pub(super) fn lap_s(&mut self) -> f64 {
+        let seconds = self.lap.elapsed().as_secs_f64();
+        self.lap = Instant::now();
+        seconds
     }
 
     /// Shows a step: in place on a terminal, now and then a line elsewhere.
@@ -41,7 +45,7 @@ impl Progress {
             return;
         }
         self.shown = Some(Instant::now());
-        let per_step = self.seconds() / (step - self.first).max(1) as f64;
+        let per_step = self.start.elapsed().as_secs_f64() / (step - self.first).max(1) as f64;
         let left = (self.steps - step) as f64 * per_step;
         let line = format!(
             "step {step}/{}  loss {loss:.4}  {:.0} ms/step  {} left",

@@ -165,23 +165,19 @@ impl<T: Task> State<'_, T> {
     fn step(&mut self, step: u64, batch: T::Batch) -> Result<(), TrainError> {
         let plan = self.plan;
         let (loss, parts) = self.task.loss(&self.network, batch, step)?;
-        let mut value = 0.0;
-        for (sum, tensor) in self
-            .sums
-            .iter_mut()
-            .zip([loss.clone()].into_iter().chain(parts))
-        {
-            value = f64::from(tensor.into_scalar::<f32>());
-            if !value.is_finite() {
-                return Err(TrainError::Diverged { step });
-            }
+        let all = [loss.clone()].into_iter().chain(parts);
+        let values: Vec<f64> = all.map(|t| f64::from(t.into_scalar::<f32>())).collect();
+        if values.iter().any(|value| !value.is_finite()) {
+            return Err(TrainError::Diverged { step });
+        }
+        for (sum, value) in self.sums.iter_mut().zip(&values) {
             *sum += value;
         }
         let gradients = GradientsParams::from_grads(loss.backward(), &self.network);
         let rate = plan.schedule.rate(step);
         let network = self.network.clone();
         self.network = self.optimizer.step(rate, network, gradients);
-        self.progress.show(step, value);
+        self.progress.show(step, values[0]);
         let last = step == plan.schedule.steps;
         if step % plan.log_every == 0 || last {
             let count = match step % plan.log_every {
@@ -191,17 +187,14 @@ impl<T: Task> State<'_, T> {
             let mut row = vec![rate];
             row.extend(self.sums.iter().map(|sum| sum / count as f64));
             self.losses.add(step, &row)?;
-            self.times.add(step, &[self.progress.seconds()])?;
+            self.times.add(step, &[self.progress.lap_s()])?;
             self.sums.fill(0.0);
         }
         if step % plan.validate_every == 0 && !last {
             let figures = self.task.validate(&self.network.valid())?;
-            let row: Vec<f64> = self
-                .task
-                .figures()
-                .iter()
-                .map(|name| figures[name])
-                .collect();
+            let names = self.task.figures();
+            let figure = |name: &String| figures.get(name).copied().unwrap_or(f64::NAN);
+            let row: Vec<f64> = names.iter().map(figure).collect();
             self.figures.add(step, &row)?;
         }
         if step % plan.checkpoint_every == 0 || last {

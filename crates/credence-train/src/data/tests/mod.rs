@@ -102,7 +102,7 @@ fn write_boxes(folder: &Path) {
     fs::write(folder.join("MANIFEST.json"), manifest).unwrap();
 }
 
-pub(super) fn boxes() -> (tempfile::TempDir, MeshSet) {
+pub(crate) fn boxes() -> (tempfile::TempDir, MeshSet) {
     let folder = tempfile::tempdir().unwrap();
     write_boxes(folder.path());
     let meshes = MeshSet::open(folder.path()).unwrap();
