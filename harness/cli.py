@@ -56,7 +56,7 @@ wiring = Wiring()
 @app.command(
     epilog=(
         "[bold]Examples[/bold]\n\n"
-        "A first look, in about a minute:  [cyan]harness bench --quick[/cyan]\n\n"
+        "A first look, in about two minutes:  [cyan]harness bench --quick[/cyan]\n\n"
         "Continue a run that was stopped:  [cyan]harness bench --out results/RUN[/cyan]\n\n"
         "On your own meshes:  [cyan]harness bench --objects meshes/ --scenes 32[/cyan]\n\n"
         "With other settings:  [cyan]harness bench --config wide.toml[/cyan]\n\n"
