@@ -1,0 +1,1 @@
+"""Figures, each a module that draws one from a file of results."""
