@@ -307,7 +307,9 @@ def compute_scenes(
                             f"worker {reason} at {job.scene_id}; trying it once more (log: {log})"
                         )
     except KeyboardInterrupt:
-        raise RunInterruptedError(finished=len(finished), scenes=len(jobs), resume=resume) from None
+        # What lies on the disk counts: the interrupt may fall between a file and its entry here.
+        kept, _ = run.finished(jobs)
+        raise RunInterruptedError(finished=len(kept), scenes=len(jobs), resume=resume) from None
     except DiskError as error:
         raise DiskError(
             f"{error}; {len(finished)} of {len(jobs)} scenes are kept, continue with `{resume}`"
