@@ -45,11 +45,15 @@ impl ObjectFrame {
             });
         }
         let count = object_points_world.len() as f64;
-        let mean = |axis: usize| object_points_world.iter().map(|p| p[axis]).sum::<f64>() / count;
+        // Each divided before the sum, which could overflow otherwise.
+        let mean = |axis: usize| -> f64 {
+            let shares = object_points_world.iter().map(|p| p[axis] / count);
+            shares.sum()
+        };
         let (x, y) = (viewpoint_world.x - mean(0), viewpoint_world.y - mean(1));
         let norm = x.hypot(y);
         // From straight above there is no azimuth; the world's x axis is as good as any.
-        let (cos, sin) = if norm > 1e-9 {
+        let (cos, sin) = if norm > 1e-9 && norm.is_finite() {
             (x / norm, y / norm)
         } else {
             (1.0, 0.0)

@@ -103,6 +103,9 @@ fn few_equal_and_far_points_have_finite_answers() {
     seen.object.push(Point::new(40.0, -3.0, 1e5));
     seen.free.push(Point::new(-1e9, 0.0, 0.0));
     assert!(whole(&embedder.embed(&seen, &queries).unwrap()));
+    seen.object.extend([Point::new(1e308, -1e308, 1e308); 2]);
+    seen.viewpoint.x = -1e308;
+    assert!(whole(&embedder.embed(&seen, &queries).unwrap()));
     assert!(embedder.embed(&seen, &[]).unwrap().is_empty());
 }
 

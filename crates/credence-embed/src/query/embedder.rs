@@ -100,7 +100,7 @@ impl QueryEmbedder {
         let object = thinned("object", &observation.object);
         let viewpoint = observation.viewpoint;
         let frame = ObjectFrame::new(&object, viewpoint, observation.table_height_m)?;
-        let to_frame = |point: &Point| frame.from_world(point).map(|c| c as f32);
+        let to_frame = |point: &Point| frame.from_world(point).map(narrow);
         let free = thinned("free", &observation.free);
         let support = Support::new(
             object.iter().map(to_frame).collect(),
@@ -120,6 +120,12 @@ impl QueryEmbedder {
         let chunks: Result<Vec<Vec<QueryEmbedding>>, EmbedError> = chunks.collect();
         Ok(chunks?.concat())
     }
+}
+
+/// In single precision, where a coordinate light years away would be infinite: a hundred
+/// kilometres are as far beyond reach.
+fn narrow(coordinate: f64) -> f32 {
+    coordinate.clamp(-1e6, 1e6) as f32
 }
 
 fn answer(logit: f32, direction: &[f32], query: [f32; 3]) -> QueryEmbedding {
