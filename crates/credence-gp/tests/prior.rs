@@ -51,8 +51,8 @@ fn a_prior_mean_is_the_target_of_that_share_of_an_observation() {
     let training = TrainingSet::new(points(&[0.0, 1.0], 1), &[0, 1], 2).unwrap();
     let targets = gp.targets(&training).unwrap();
     let certain = gp.prior_means(&[1.0, 0.0, 0.0, 1.0], 2).unwrap();
-    for class in 0..2 {
-        assert_eq!(certain.means()[class], targets[class].target);
+    for (means, targets) in certain.means().iter().zip(targets) {
+        assert_eq!(*means, targets.target);
     }
 }
 

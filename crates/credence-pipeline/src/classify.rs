@@ -16,15 +16,15 @@ pub struct Classification {
     /// Hyperparameters of each class in `predictions.classes`; none if the model is no process.
     pub hyperparameters: Vec<Hyperparameters>,
     /// Outcome of each class's search for hyperparameters, whether it ended by its tolerances and
-    /// inside its range; none if the model searches none. Those of "metric" are of the classic
+    /// inside its range; none if the model searches none. Those of `metric` are of the classic
     /// process that its gate weighs it against.
     pub fits: Vec<Fit>,
-    /// Whether each test point's variance was below zero and clamped: only by "metric_literal".
+    /// Whether each test point's variance was below zero and clamped: only by `metric_literal`.
     pub clamped: Vec<bool>,
     /// Variance per test point of the latent difference between the object's category and free
     /// space, if the model is a process.
     pub difference_variance: Option<Vec<f64>>,
-    /// Weight of "metric" against "classic", 1 where there is no gate.
+    /// Weight of `metric` against `classic`, 1 where there is no gate.
     pub gate: f64,
     /// What the query network says, if the model asks it.
     pub network: Option<NetworkView>,

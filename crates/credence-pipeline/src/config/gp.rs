@@ -15,7 +15,7 @@ pub struct GpConfig {
     pub fit_points: usize,
     /// Iterations of L-BFGS, at most, in each of at most 3 runs.
     pub fit_iterations: usize,
-    /// Hyperparameters of the model "classic_tuned".
+    /// Hyperparameters of the model `classic_tuned`.
     pub classic_tuned: TunedConfig,
 }
 

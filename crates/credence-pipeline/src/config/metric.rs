@@ -5,6 +5,9 @@ use serde::{Deserialize, Serialize};
 use super::strict::{finite, positive};
 use crate::{KernelInput, PipelineError};
 
+/// Most parts of an observation.
+const MAX_PARTS: usize = 32;
+
 /// Where a network's weights come from: "embedded" for those that come with the library, else the
 /// path of a file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -32,39 +35,43 @@ impl From<PathBuf> for Weights {
     }
 }
 
-/// Settings of the models that embed points by a network: "metric", "network" and
-/// "metric_literal".
+/// Settings of the models that embed points by a network: `metric`, `network` and
+/// `metric_literal`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct MetricConfig {
+    /// Disjoint random parts of the observation whose answers `metric` pools; 1 is one look at
+    /// everything, as `network` takes.
+    pub parts: usize,
     /// T in p = sigmoid(logit / T), the query network's probability.
     pub temperature: f64,
-    /// Lengthscale of the process of "metric" between coordinates, metres.
+    /// Lengthscale of the process of `metric` between coordinates, metres.
     pub lengthscale_m: f64,
     /// Prior variance of its latent functions.
     pub outputscale: f64,
-    /// What its kernel compares: "xyz" or "xyz_embedding".
+    /// What its kernel compares: `xyz` or `xyz_embedding`.
     pub kernel_input: KernelInput,
     /// Its lengthscale between embeddings, which lie in the unit ball.
     pub embedding_lengthscale: f64,
-    /// Whether "metric" falls back to "classic" where the training points contradict the network.
+    /// Whether `metric` falls back to `classic` where the training points contradict the network.
     pub gate: bool,
     /// The gate's log evidence ratio is divided by this.
     pub gate_temperature: f64,
     /// Height of the table top in the world, metres.
     pub table_height_m: f64,
-    /// Lengthscale of "metric_literal" between coordinates, metres: the marginal likelihood on
+    /// Lengthscale of `metric_literal` between coordinates, metres: the marginal likelihood on
     /// embeddings says nothing about it.
     pub literal_lengthscale_m: f64,
     /// Weights of the query network: "embedded" or a file.
     pub query_weights: Weights,
-    /// Weights of the network of "metric_literal": "embedded" or a file.
+    /// Weights of the network of `metric_literal`: "embedded" or a file.
     pub metric_weights: Weights,
 }
 
 impl Default for MetricConfig {
     fn default() -> Self {
         Self {
+            parts: 3,
             temperature: 1.0,
             lengthscale_m: 0.01,
             outputscale: 2.0,
@@ -91,6 +98,12 @@ impl MetricConfig {
             ("metric.literal_lengthscale_m", self.literal_lengthscale_m),
         ] {
             positive(key, value)?;
+        }
+        if !(1..=MAX_PARTS).contains(&self.parts) {
+            return Err(PipelineError::Config(format!(
+                "metric.parts is {}; it must lie in [1, {MAX_PARTS}]: parts of few points say little",
+                self.parts
+            )));
         }
         finite("metric.table_height_m", self.table_height_m)?;
         for (key, weights) in [

@@ -38,17 +38,17 @@ impl Platt {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct RecalibrationConfig {
-    /// Of "classic".
+    /// Of `classic`.
     pub classic: Platt,
-    /// Of "classic_tuned".
+    /// Of `classic_tuned`.
     pub classic_tuned: Platt,
-    /// Of "metric_literal".
+    /// Of `metric_literal`.
     pub metric_literal: Platt,
-    /// Of "metric".
+    /// Of `metric`.
     pub metric: Platt,
-    /// Of "network".
+    /// Of `network`.
     pub network: Platt,
-    /// Of "nearest".
+    /// Of `nearest`.
     pub nearest: Platt,
 }
 

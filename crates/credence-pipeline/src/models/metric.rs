@@ -22,7 +22,10 @@ pub(super) fn answer(
     embedder: &QueryEmbedder,
     watch: &mut Stopwatch,
 ) -> Result<Answer, PipelineError> {
-    let belief = watch.time("embed", || Belief::new(question, &config.metric, embedder))?;
+    let metric = &config.metric;
+    let belief = watch.time("embed", || {
+        Belief::new(question, metric, metric.parts, embedder)
+    })?;
     correct(question, config, belief, watch)
 }
 

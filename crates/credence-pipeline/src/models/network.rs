@@ -13,7 +13,9 @@ pub(super) fn answer(
     embedder: &QueryEmbedder,
     watch: &mut Stopwatch,
 ) -> Result<Answer, PipelineError> {
-    let belief = watch.time("embed", || Belief::new(question, &config.metric, embedder))?;
+    let belief = watch.time("embed", || {
+        Belief::new(question, &config.metric, 1, embedder)
+    })?;
     let probabilities = belief.test.probabilities.clone();
     Ok(Answer {
         class: most_likely(&probabilities, question.classes.len()),
@@ -40,9 +42,11 @@ pub(super) struct Embedded {
 }
 
 impl Belief {
+    /// Asks the network about all points, given each object's observation in so many parts.
     pub(super) fn new(
         question: &Question<'_>,
         config: &MetricConfig,
+        parts: usize,
         embedder: &QueryEmbedder,
     ) -> Result<Self, PipelineError> {
         let trained = question.training.points_world();
@@ -55,7 +59,7 @@ impl Belief {
                 // None of its points was drawn: it is not among the classes.
                 continue;
             };
-            let embedded = embed_from(embedder, &object, config.table_height_m, &queries)?;
+            let embedded = pooled(embedder, &object, parts, config.table_height_m, &queries)?;
             if embeddings.is_empty() {
                 embeddings = embedded.iter().map(in_the_ball).collect();
             }
@@ -117,6 +121,51 @@ pub(crate) fn embed_from(
     Ok(embedder.embed(&observation, queries)?)
 }
 
+/// The network's answers given disjoint random parts of an observation, pooled: the mean of the
+/// logits, and of the directions.
+///
+/// A query looks at its nearest few points only, so parts are looks with independent noise, and
+/// the mean of their log odds (a logarithmic opinion pool; Genest and Zidek 1986, "Combining
+/// probability distributions") errs less than one look at everything.
+fn pooled(
+    embedder: &QueryEmbedder,
+    object: &Observed,
+    parts: usize,
+    table_height_m: f64,
+    queries: &[Point],
+) -> Result<Vec<QueryEmbedding>, PipelineError> {
+    let fewest = object.points_world.len().min(object.free_world.len());
+    let parts = parts.min(fewest).max(1);
+    let mut sum: Vec<QueryEmbedding> = Vec::new();
+    for part in 0..parts {
+        let embedded = embed_from(embedder, &object.part(part, parts), table_height_m, queries)?;
+        if sum.is_empty() {
+            sum = embedded;
+            continue;
+        }
+        for (sum, query) in sum.iter_mut().zip(embedded) {
+            sum.logit += query.logit;
+            for (sum, axis) in sum.direction.iter_mut().zip(query.direction) {
+                *sum += axis;
+            }
+        }
+    }
+    for query in &mut sum {
+        query.logit /= parts as f64;
+        let norm = query
+            .direction
+            .iter()
+            .map(|axis| axis * axis)
+            .sum::<f64>()
+            .sqrt();
+        // Directions that cancel out say nothing of the class: the zero vector is their mean.
+        for axis in &mut query.direction {
+            *axis /= norm.max(f64::EPSILON);
+        }
+    }
+    Ok(sum)
+}
+
 /// sigmoid(logit) times the direction.
 fn in_the_ball(query: &QueryEmbedding) -> [f64; 3] {
     let radius = 1.0 / (1.0 + (-query.logit).exp());
@@ -127,7 +176,7 @@ fn in_the_ball(query: &QueryEmbedding) -> [f64; 3] {
 /// its being there: free space comes first.
 ///
 /// The network judges every object by itself, but a point lies on one of them at most. With
-/// independent p_j, and all cases with two or more objects at the point excluded,
+/// independent `p_j`, and all cases with two or more objects at the point excluded,
 ///
 /// ```text
 /// P(j) = p_j prod_{i != j} (1 - p_i) / Z,   P(free) = prod_i (1 - p_i) / Z

@@ -21,6 +21,17 @@ pub(crate) struct Observed {
 }
 
 impl Observed {
+    /// Every `parts`-th point from the `part`-th on: as the points are in random order, a random
+    /// part of the observation.
+    pub(crate) fn part(&self, part: usize, parts: usize) -> Self {
+        let of = |points: &[Point]| points.iter().skip(part).step_by(parts).copied().collect();
+        Self {
+            points_world: of(&self.points_world),
+            free_world: of(&self.free_world),
+            ..*self
+        }
+    }
+
     /// A neighbour as its own training set would have it: a network that is to say where the
     /// neighbour is must see it as it was trained to see objects, not the part that reaches into
     /// another object's box. Where nothing around it was seen free, the free points around the

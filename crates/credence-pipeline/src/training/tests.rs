@@ -273,8 +273,7 @@ fn a_neighbour_is_observed_as_its_own_set_would_have_it() {
     let observed = set.observed(Mug).unwrap();
     let categories: Vec<Category> = observed.iter().map(|object| object.category).collect();
     assert_eq!(categories, [Mug, Bowl]);
-    let of_class = |class: u8| set.classes().iter().filter(|c| **c == class).count();
-    let own = of_class(Mug.class());
+    let own = set.classes().partition_point(|c| *c == Mug.class());
     assert_eq!(observed[0].points_world, set.points_world()[..own]);
     assert_eq!(observed[0].free_world, set.points_world()[300..]);
 
