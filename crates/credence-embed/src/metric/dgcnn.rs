@@ -170,12 +170,16 @@ mod tests {
         let both = values(network.forward(&CloudBatch::new(&[&a, &b]).unwrap(), None));
         let alone = values(network.forward(&CloudBatch::new(&[&b]).unwrap(), None));
         assert!(close(&both[POINTS * WIDTHS.logits..], &alone));
-        let chosen = [3_i32, 0, POINTS as i32 + 7, POINTS as i32 + 1];
-        let rows = Tensor::from_data(TensorData::new(chosen.to_vec(), [4]), &Device::flex());
+        // The second cloud's rows begin at 30.
+        let chosen = [3_u8, 0, 37, 31];
+        let rows = Tensor::from_data(
+            TensorData::new(chosen.map(i32::from).to_vec(), [4]),
+            &Device::flex(),
+        );
         let some = values(network.forward(&CloudBatch::new(&[&a, &b]).unwrap(), Some(rows)));
         for (row, some) in chosen.iter().zip(some.chunks(WIDTHS.logits)) {
             assert!(close(
-                &both[*row as usize * WIDTHS.logits..][..WIDTHS.logits],
+                &both[usize::from(*row) * WIDTHS.logits..][..WIDTHS.logits],
                 some
             ));
         }

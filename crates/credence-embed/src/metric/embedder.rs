@@ -44,6 +44,10 @@ impl MetricEmbedder {
     }
 
     /// A network at hand, as training has it.
+    #[expect(
+        clippy::needless_pass_by_value,
+        reason = "the embedder takes the network over; burn freezes it by reference"
+    )]
     pub fn new(network: MetricNetwork) -> Self {
         Self {
             network: network.valid(),

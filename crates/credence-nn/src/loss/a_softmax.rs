@@ -36,7 +36,7 @@ pub fn a_softmax(
     let logits = features.matmul(directions);
     let own_logit = logits.clone().gather(1, labels.clone());
     let cosine = own_logit.clone() / length.clone();
-    let own_margin = (cosine.clone() * lambda + psi(cosine)) * length / (1.0 + lambda);
+    let own_margin = (psi(&cosine) + cosine * lambda) * length / (1.0 + lambda);
     let logits = logits.scatter(
         1,
         labels.clone(),
@@ -48,7 +48,7 @@ pub fn a_softmax(
 
 /// psi as a function of the cosine: `cos(4 theta) = 8 c^4 - 8 c^2 + 1`, and k counts which of
 /// `cos(pi/4)`, `cos(pi/2)` and `cos(3 pi/4)` the cosine lies below.
-fn psi(cosine: Tensor<2>) -> Tensor<2> {
+fn psi(cosine: &Tensor<2>) -> Tensor<2> {
     let square = cosine.clone() * cosine.clone();
     let quadruple = (square.clone() * square.clone() - square) * 8.0 + 1.0;
     let mut k = cosine.zeros_like();
@@ -86,7 +86,7 @@ mod tests {
 
     fn psi_of(cosine: f64) -> f64 {
         let device = Device::flex();
-        f64::from(psi(tensor(&[cosine], 1, &device)).into_scalar::<f32>())
+        f64::from(psi(&tensor(&[cosine], 1, &device)).into_scalar::<f32>())
     }
 
     /// psi from the angle, as the paper writes it.
@@ -194,7 +194,7 @@ mod tests {
             let device = Device::flex().autodiff();
             let x = tensor(&features, 3, &device).require_grad();
             let w = tensor(&classes, CLASSES, &device).require_grad();
-            let own: Vec<i64> = labels.iter().map(|&l| l as i64).collect();
+            let own: Vec<u32> = labels.iter().map(|&l| l as u32).collect();
             let own = Tensor::<1, Int>::from_data(TensorData::new(own, [SAMPLES]), &device);
             let loss = a_softmax(x.clone(), &w, own, lambda);
             let grads = loss.backward();

@@ -37,13 +37,13 @@ impl Losses {
         let batch = CloudBatch::new(&points)?;
         let mut rows = Vec::with_capacity(clouds.len() * scored);
         let mut classes = Vec::with_capacity(clouds.len() * scored);
-        let mut first_row = 0;
+        let mut first_row = 0_u32;
         for (_, labels) in clouds {
-            let mut order: Vec<usize> = (0..labels.len()).collect();
+            let mut order: Vec<u32> = (0..labels.len() as u32).collect();
             let (drawn, _) = order.partial_shuffle(rng, scored);
-            rows.extend(drawn.iter().map(|&i| (first_row + i) as i32));
-            classes.extend(drawn.iter().map(|&i| labels[i]));
-            first_row += labels.len();
+            rows.extend(drawn.iter().map(|&i| (first_row + i).cast_signed()));
+            classes.extend(drawn.iter().map(|&i| labels[i as usize]));
+            first_row += labels.len() as u32;
         }
         Ok(Self::on_rows(network, &batch, rows, &classes, step))
     }
