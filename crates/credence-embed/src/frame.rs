@@ -72,7 +72,7 @@ impl ObjectFrame {
     }
 
     /// World metres to the frame's units.
-    pub fn from_world(&self, point: &Point) -> [f64; 3] {
+    pub fn locate(&self, point: &Point) -> [f64; 3] {
         [
             (yawed_x(self.cos, self.sin, point) - self.origin[0]) / UNIT_M,
             (yawed_y(self.cos, self.sin, point) - self.origin[1]) / UNIT_M,
@@ -115,13 +115,13 @@ mod tests {
     fn stands_on_the_table_below_the_middle_and_looks_at_the_viewpoint() {
         // The mean is (.55, .1); the viewpoint lies along +y from there.
         let frame = ObjectFrame::new(&points(), Point::new(0.55, 1.1, 0.4), -0.01).unwrap();
-        let at = frame.from_world(&Point::new(0.55, 0.2, 0.09));
+        let at = frame.locate(&Point::new(0.55, 0.2, 0.09));
         let expected = [1.0, 0.0, 1.0];
         assert!(
             at.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9),
             "{at:?}"
         );
-        let left = frame.from_world(&Point::new(0.45, 0.1, -0.01));
+        let left = frame.locate(&Point::new(0.45, 0.1, -0.01));
         assert!(
             (left[1] - 1.0).abs() < 1e-9 && left[2].abs() < 1e-9,
             "{left:?}"
@@ -137,7 +137,7 @@ mod tests {
         let cloud: Vec<Point> = points().iter().map(moved).collect();
         let other = ObjectFrame::new(&cloud, moved(&viewpoint), 0.0).unwrap();
         for point in points() {
-            let (a, b) = (frame.from_world(&point), other.from_world(&moved(&point)));
+            let (a, b) = (frame.locate(&point), other.locate(&moved(&point)));
             assert!(
                 a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9),
                 "{a:?} {b:?}"
@@ -149,7 +149,7 @@ mod tests {
     fn a_viewpoint_straight_above_and_a_single_point_are_fine() {
         let one = [Point::new(1.0, 2.0, 0.05)];
         let frame = ObjectFrame::new(&one, Point::new(1.0, 2.0, 0.6), 0.0).unwrap();
-        assert_eq!(frame.from_world(&one[0]), [0.0, 0.0, 0.5]);
+        assert_eq!(frame.locate(&one[0]), [0.0, 0.0, 0.5]);
     }
 
     #[test]

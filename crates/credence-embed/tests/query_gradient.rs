@@ -1,7 +1,9 @@
 //! The query network's gradient against finite differences, on a network of a few units.
 
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use burn::{
-    module::{Module, ModuleMapper, ModuleVisitor, Param},
+    module::{Module as _, ModuleMapper, ModuleVisitor, Param},
     optim::GradientsParams,
     tensor::{Device, Tensor, TensorData},
 };
@@ -122,10 +124,10 @@ fn the_gradient_of_every_parameter_agrees_with_finite_differences() {
         let along = direction(&shape, parameter);
         let products = gradient.iter().zip(along).map(|(g, v)| f64::from(g * v));
         let expected: f64 = products.sum();
-        // In single precision; wide enough to see past rounding, narrow enough to cross few kinks.
-        const STEP: f32 = 2e-3;
+        // Wide enough to see past single precision, narrow enough to cross few kinks.
+        const STEP: f32 = 4e-4;
         let found = (value(parameter, STEP) - value(parameter, -STEP)) / (2.0 * f64::from(STEP));
-        let tolerance = 0.03 * expected.abs() + 0.01;
+        let tolerance = 0.02 * expected.abs() + 0.003;
         assert!(
             (found - expected).abs() < tolerance,
             "{parameter}: {found} {expected}"
@@ -143,7 +145,7 @@ fn observations_of_a_batch_do_not_see_each_other() {
     };
     let [first, second] = samples();
     let together = logits(&[first.clone(), second.clone()]);
-    let apart = [logits(&[first.clone()]), logits(&[second])].concat();
+    let apart = [logits(std::slice::from_ref(&first)), logits(&[second])].concat();
     assert!(
         together
             .iter()

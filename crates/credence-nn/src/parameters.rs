@@ -98,7 +98,7 @@ mod tests {
         assert_ne!(bytes(1), bytes(2));
         let ids: BTreeSet<u64> = list_param_ids(&seeded(1))
             .iter()
-            .map(|id| id.val())
+            .map(ParamId::val)
             .collect();
         assert_eq!(ids, (1..=5).collect());
     }

@@ -195,7 +195,7 @@ mod tests {
         save(&bare, &path).unwrap();
         assert!(message(&path).contains("it has no tensor 'bias'"));
 
-        let mut nan = whole.clone();
+        let mut nan = whole;
         let end = nan.len();
         nan[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
         fs::write(&path, &nan).unwrap();

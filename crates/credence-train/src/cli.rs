@@ -1,6 +1,6 @@
 //! The command line.
 
-use std::{fs, path::Path, process::Command};
+use std::{fs, io, path::Path, process::Command};
 
 use clap::{Parser, Subcommand};
 use credence_nn::weights;
@@ -51,6 +51,19 @@ impl Cli {
     }
 }
 
+/// Refuses a count of nothing.
+pub(crate) fn at_least_one(option: &'static str, value: u64) -> Result<(), TrainError> {
+    let least = 1;
+    if value < least {
+        return Err(TrainError::Option {
+            option,
+            value,
+            least,
+        });
+    }
+    Ok(())
+}
+
 /// The command as it was typed, for the provenance.
 pub(crate) fn command_line() -> String {
     let words: Vec<String> = std::env::args().skip(1).collect();
@@ -65,6 +78,23 @@ pub(crate) fn git_revision() -> Option<String> {
         .ok()?;
     let text = String::from_utf8(output.stdout).ok()?;
     (output.status.success() && !text.is_empty()).then(|| text.trim().to_owned())
+}
+
+/// Makes the folder of a file that is written at the end of a long run, and tries to write there:
+/// better now than then.
+pub(crate) fn ready(out: &Path) -> Result<(), TrainError> {
+    let parent = out.parent().filter(|p| !p.as_os_str().is_empty());
+    let folder = parent.unwrap_or_else(|| Path::new("."));
+    let refused = |source| TrainError::Write {
+        path: out.to_path_buf(),
+        source,
+    };
+    if out.file_name().is_none() || out.is_dir() {
+        return Err(refused(io::Error::from(io::ErrorKind::IsADirectory)));
+    }
+    fs::create_dir_all(folder).map_err(refused)?;
+    tempfile::tempfile_in(folder).map_err(refused)?;
+    Ok(())
 }
 
 /// Copies the curve of the loss beside the weights; returns the copy's name.

@@ -212,6 +212,6 @@ fn floats(values: impl Iterator<Item = f32>, shape: [usize; 2], device: &Device)
 
 fn ints(values: impl Iterator<Item = usize>, count: usize, device: &Device) -> Tensor<1, Int> {
     let mut all = Vec::with_capacity(count);
-    all.extend(values.map(|v| v as i64));
+    all.extend(values.map(|v| v.cast_signed() as i64));
     Tensor::from_data(TensorData::new(all, [count]), device)
 }

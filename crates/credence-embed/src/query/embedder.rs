@@ -100,7 +100,7 @@ impl QueryEmbedder {
         let object = thinned("object", &observation.object);
         let viewpoint = observation.viewpoint;
         let frame = ObjectFrame::new(&object, viewpoint, observation.table_height_m)?;
-        let to_frame = |point: &Point| frame.from_world(point).map(narrow);
+        let to_frame = |point: &Point| frame.locate(point).map(narrow);
         let free = thinned("free", &observation.free);
         let support = Support::new(
             object.iter().map(to_frame).collect(),

@@ -18,7 +18,7 @@ use super::{
 };
 use crate::{
     TrainError,
-    cli::{command_line, git_revision, keep_curve},
+    cli::{at_least_one, command_line, git_revision, keep_curve, ready},
     data::{MeshSet, SceneCache},
     run::{Figures, Plan, Schedule, note, train},
 };
@@ -81,6 +81,7 @@ impl EmbedArgs {
         let steps = self.steps.unwrap_or(if self.quick { 10 } else { once });
         at_least_one("scenes", scenes as u64)?;
         at_least_one("steps", steps)?;
+        ready(&self.out)?;
         let device = Device::flex().autodiff();
         let task = MetricTask {
             scenes: self.scenes_of("train", &self.meshes, scenes, self.seed)?,
@@ -228,18 +229,6 @@ fn open_scenes(
         }
     };
     SceneCache::open_or_generate(folder, &meshes, count, seed, &progress)
-}
-
-fn at_least_one(option: &'static str, value: u64) -> Result<(), TrainError> {
-    if value == 0 {
-        let least = 1;
-        return Err(TrainError::Option {
-            option,
-            value,
-            least,
-        });
-    }
-    Ok(())
 }
 
 fn show(figures: &Figures) {

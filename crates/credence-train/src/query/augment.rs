@@ -66,7 +66,7 @@ pub(super) fn training_example(
     let world: Vec<Point> = object.iter().map(wide).collect();
     let frame = ObjectFrame::new(&world, wide(&scene.viewpoint), 0.0)?;
     let place = |point: &[f32; 3]| {
-        let [x, y, z] = frame.from_world(&wide(point));
+        let [x, y, z] = frame.locate(&wide(point));
         let at = [x, y * mirror, z];
         [0, 1, 2].map(|axis| (at[axis] * scale + shift[axis]) as f32)
     };
@@ -84,7 +84,7 @@ pub(super) fn validation_example(scene: &Scene) -> Result<Example, EmbedError> {
     let most = SUPPORT.1 as usize;
     let object: Vec<Point> = scene.object.iter().take(most).map(wide).collect();
     let frame = ObjectFrame::new(&object, wide(&scene.viewpoint), 0.0)?;
-    let place = |point: &[f32; 3]| frame.from_world(&wide(point)).map(|c| c as f32);
+    let place = |point: &[f32; 3]| frame.locate(&wide(point)).map(|c| c as f32);
     let support = Support::new(
         scene.object.iter().take(most).map(place).collect(),
         scene.free.iter().take(most).map(place).collect(),

@@ -9,7 +9,7 @@ use credence_types::stream;
 use super::QueryTask;
 use crate::{
     TrainError,
-    cli::{command_line, git_revision, keep_curve},
+    cli::{at_least_one, command_line, git_revision, keep_curve, ready},
     data::{MeshSet, SceneCache},
     run::{Plan, Schedule, note, train},
 };
@@ -39,7 +39,7 @@ pub struct QueryArgs {
     /// File that the weights are written to
     #[arg(long)]
     pub out: PathBuf,
-    /// Optimiser steps; more is better, slowly: 10,000 take about an hour on two cores
+    /// Optimiser steps; more is better, slowly: 10,000 take about half an hour on two cores
     #[arg(long)]
     pub steps: Option<u64>,
     /// Training scenes to generate
@@ -73,16 +73,9 @@ impl QueryArgs {
         };
         let steps = self.steps.unwrap_or(steps);
         let scenes = self.scenes.unwrap_or(scenes);
-        for (option, value) in [("steps", steps), ("scenes", scenes as u64)] {
-            if value == 0 {
-                let least = 1;
-                return Err(TrainError::Option {
-                    option,
-                    value,
-                    least,
-                });
-            }
-        }
+        at_least_one("scenes", scenes as u64)?;
+        at_least_one("steps", steps)?;
+        ready(&self.out)?;
         let device = Device::flex().autodiff();
         let task = QueryTask {
             scenes: self.scenes_of("train", &self.meshes, scenes, self.seed)?,

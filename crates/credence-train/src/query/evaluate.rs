@@ -50,9 +50,10 @@ pub(super) fn figure_names() -> Vec<String> {
     names
 }
 
-/// Figures of a network on whole scenes: cross entropy and accuracy of the surface, accuracy
-/// within 2 cm of it, accuracy of the directions on it and of the class head, and accuracy of the
-/// surface by category.
+/// Figures of a network on whole scenes, every query asked.
+///
+/// Cross entropy and accuracy of the surface, its accuracy within 2 cm of the true one, accuracy
+/// of the directions on it, of the class head, and of the surface by category.
 ///
 /// # Errors
 /// A scene that cannot be read.

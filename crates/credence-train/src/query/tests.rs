@@ -84,6 +84,10 @@ fn what_cannot_be_trained_on_is_refused() {
     let none = Path::new("no-such-folder");
     let message = command(none, folder.path(), &STEPS).unwrap_err();
     assert!(message.contains("no-such-folder"), "{message}");
+    let file = folder.path().join("file");
+    fs::write(&file, "").unwrap();
+    let message = command(meshes.path(), &file, &STEPS).unwrap_err();
+    assert!(message.starts_with("cannot write "), "{message}");
     assert!(refused(&["--seed=-1"]).contains("--seed"));
 }
 

@@ -24,6 +24,13 @@ struct Header {
     checksum: u64,
 }
 
+/// A checkpoint's contents.
+struct Parts {
+    header: Header,
+    network: Vec<u8>,
+    optimizer: Vec<u8>,
+}
+
 /// Writes the state after a step and drops the oldest files.
 pub(super) fn save<M: Module>(
     folder: &Path,
@@ -67,7 +74,12 @@ pub(super) fn resume<M: Module>(
     optimizer: ModuleOptimizer,
 ) -> Result<(u64, M, ModuleOptimizer), TrainError> {
     for path in newest_first(folder)? {
-        let Some((header, network_bytes, optimizer_bytes)) = parts(&path)? else {
+        let Some(Parts {
+            header,
+            network: network_bytes,
+            optimizer: optimizer_bytes,
+        }) = parts(&path)?
+        else {
             super::note(&format!(
                 "{} is damaged; trying an older one",
                 path.display()
@@ -96,7 +108,7 @@ pub(super) fn resume<M: Module>(
 }
 
 /// The parts of a checkpoint; `None` if it is damaged.
-fn parts(path: &Path) -> Result<Option<(Header, Vec<u8>, Vec<u8>)>, TrainError> {
+fn parts(path: &Path) -> Result<Option<Parts>, TrainError> {
     let bytes = fs::read(path).map_err(|source| TrainError::Read {
         path: path.to_path_buf(),
         source,
@@ -107,7 +119,11 @@ fn parts(path: &Path) -> Result<Option<(Header, Vec<u8>, Vec<u8>)>, TrainError> 
         let (network, optimizer) = bytes[end + 1..].split_at_checked(header.network_bytes)?;
         let whole = optimizer.len() == header.optimizer_bytes
             && checksum(&[network, optimizer]) == header.checksum;
-        whole.then(|| (header, network.to_vec(), optimizer.to_vec()))
+        whole.then(|| Parts {
+            network: network.to_vec(),
+            optimizer: optimizer.to_vec(),
+            header,
+        })
     };
     Ok(split())
 }

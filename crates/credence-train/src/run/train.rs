@@ -179,7 +179,7 @@ impl<T: Task> State<'_, T> {
         self.network = self.optimizer.step(rate, network, gradients);
         self.progress.show(step, values[0]);
         let last = step == plan.schedule.steps;
-        if step % plan.log_every == 0 || last {
+        if step.is_multiple_of(plan.log_every) || last {
             let count = match step % plan.log_every {
                 0 => plan.log_every,
                 rest => rest,
@@ -190,14 +190,14 @@ impl<T: Task> State<'_, T> {
             self.times.add(step, &[self.progress.lap_s()])?;
             self.sums.fill(0.0);
         }
-        if step % plan.validate_every == 0 && !last {
+        if step.is_multiple_of(plan.validate_every) && !last {
             let figures = self.task.validate(&self.network.valid())?;
             let names = self.task.figures();
             let figure = |name: &String| figures.get(name).copied().unwrap_or(f64::NAN);
             let row: Vec<f64> = names.iter().map(figure).collect();
             self.figures.add(step, &row)?;
         }
-        if step % plan.checkpoint_every == 0 || last {
+        if step.is_multiple_of(plan.checkpoint_every) || last {
             checkpoint::save(
                 &plan.folder,
                 &plan.run,
