@@ -3,6 +3,8 @@
 //! [`QueryEmbedder`] sees one observation of an object, its points and the free space around it,
 //! and embeds any query point, seen or not: the object's class is a direction, and the radius says
 //! how surely the point lies on the surface; free space is at zero.
+//!
+//! [`MetricEmbedder`] is the seed's: it gives the points of a cloud itself their directions.
 
 mod error;
 mod frame;

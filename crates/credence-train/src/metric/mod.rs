@@ -6,5 +6,7 @@ mod evaluate;
 mod fitness;
 mod losses;
 mod task;
+#[cfg(test)]
+mod tests;
 
 pub use command::{EmbedArgs, SphereArgs};
