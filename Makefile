@@ -12,7 +12,7 @@ export PYO3_PYTHON := $(BIN)/python
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BENCH_ARGS ?= --quick
 
-RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
+RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock $(wildcard assets/weights/*.safetensors)
 
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' || { echo "make: '$(PYTHON)' is not Python 3.11, and PyBullet has no wheels for later ones: install Python 3.11 or pass PYTHON=/path/to/python3.11" >&2; exit 2; }

@@ -197,7 +197,7 @@ class Pipeline:
         training: TrainingSet,
         test_points: _Floats,
         *,
-        model: str = "classic",
+        model: str = "metric",
         completion_confidence: _Floats | None = None,
     ) -> Predictions: ...
     def query_embedding(

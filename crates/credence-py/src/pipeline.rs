@@ -331,7 +331,7 @@ impl PyPipeline {
     }
 
     #[pyo3(signature = (
-        object_id, training, test_points, *, model = "classic", completion_confidence = None
+        object_id, training, test_points, *, model = "metric", completion_confidence = None
     ))]
     fn classify(
         &mut self,

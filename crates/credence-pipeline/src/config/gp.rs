@@ -6,7 +6,7 @@ use crate::{ModelChoice, SmoothnessChoice};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct GpConfig {
-    /// The classifiers to run, each a row of the result.
+    /// The classifiers to run, each a row of the result; the first one's confidences go into the map.
     pub models: Vec<ModelChoice>,
     /// Matérn smoothness: "1/2", "3/2" or "5/2".
     pub smoothness: SmoothnessChoice,
@@ -19,7 +19,7 @@ pub struct GpConfig {
     pub classic_tuned: TunedConfig,
 }
 
-/// Hyperparameters that all classes share; the constant mean of each is its likeliest.
+/// Hyperparameters that all classes share, by default those that `harness tune` chose; the constant mean of each is its likeliest.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct TunedConfig {
@@ -32,8 +32,8 @@ pub struct TunedConfig {
 impl Default for TunedConfig {
     fn default() -> Self {
         Self {
-            lengthscale_m: 0.02,
-            outputscale: 16.0,
+            lengthscale_m: 0.0106,
+            outputscale: 25.6,
         }
     }
 }
@@ -41,7 +41,14 @@ impl Default for TunedConfig {
 impl Default for GpConfig {
     fn default() -> Self {
         Self {
-            models: vec![ModelChoice::Classic],
+            models: vec![
+                ModelChoice::Metric,
+                ModelChoice::Classic,
+                ModelChoice::ClassicTuned,
+                ModelChoice::MetricLiteral,
+                ModelChoice::Network,
+                ModelChoice::Nearest,
+            ],
             smoothness: SmoothnessChoice::FiveHalves,
             fit_points: 1800,
             fit_iterations: 50,

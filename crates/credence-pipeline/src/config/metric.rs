@@ -72,9 +72,9 @@ impl Default for MetricConfig {
     fn default() -> Self {
         Self {
             parts: 3,
-            temperature: 1.0,
-            lengthscale_m: 0.01,
-            outputscale: 2.0,
+            temperature: 1.01,
+            lengthscale_m: 0.00232,
+            outputscale: 0.219,
             kernel_input: KernelInput::default(),
             embedding_lengthscale: 0.5,
             gate: false,

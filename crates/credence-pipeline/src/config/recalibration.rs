@@ -34,8 +34,9 @@ impl Platt {
     }
 }
 
-/// Recalibration of each model's probability of the object, fitted on validation scenes.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+/// Recalibration of each model's probability of the object, by default as `harness tune` fitted it
+/// to validation scenes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct RecalibrationConfig {
     /// Of `classic`.
@@ -50,6 +51,20 @@ pub struct RecalibrationConfig {
     pub network: Platt,
     /// Of `nearest`.
     pub nearest: Platt,
+}
+
+impl Default for RecalibrationConfig {
+    fn default() -> Self {
+        let platt = |slope, intercept| Platt { slope, intercept };
+        Self {
+            classic: platt(0.459, -0.623),
+            classic_tuned: platt(1.02, -0.22),
+            metric_literal: Platt::default(),
+            metric: platt(1.04, 0.22),
+            network: platt(1.0, 0.246),
+            nearest: platt(1.17, 1.47),
+        }
+    }
 }
 
 impl RecalibrationConfig {

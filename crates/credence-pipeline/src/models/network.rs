@@ -197,7 +197,69 @@ fn at_most_one(logits: &[(usize, f64)], row: &mut [f64]) {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use credence_types::Category;
+
+    use super::{super::tests::untrained, *};
+
+    #[test]
+    fn a_pool_is_the_mean_of_what_the_network_says_of_each_part() {
+        let at = |x: f64, i: u32| Point::new(x, 0.007 * f64::from(i % 5), 0.005 * f64::from(i / 5));
+        let object = Observed {
+            category: Category::Mug,
+            points_world: (0..25).map(|i| at(0.0, i)).collect(),
+            free_world: (0..20).map(|i| at(0.03, i)).collect(),
+            viewpoint_world: Point::new(0.5, 0.0, 0.4),
+        };
+        let queries = [at(0.001, 7), at(0.02, 3)];
+        let embedder = untrained().query.unwrap();
+        let ask = |part: &Observed| embed_from(&embedder, part, 0.0, &queries).unwrap();
+        let whole = pooled(&embedder, &object, 1, 0.0, &queries).unwrap();
+        assert!(
+            whole
+                .iter()
+                .zip(ask(&object))
+                .all(|(a, b)| a.logit == b.logit)
+        );
+
+        let parts = [0, 1].map(|part| ask(&object.part(part, 2)));
+        let pool = pooled(&embedder, &object, 2, 0.0, &queries).unwrap();
+        for (query, pool) in pool.iter().enumerate() {
+            let [a, b] = [&parts[0][query], &parts[1][query]];
+            assert!((pool.logit - f64::midpoint(a.logit, b.logit)).abs() < 1e-12);
+            let sum = [0, 1, 2].map(|axis| a.direction[axis] + b.direction[axis]);
+            let norm = sum.iter().map(|axis| axis * axis).sum::<f64>().sqrt();
+            for (axis, sum) in pool.direction.iter().zip(sum) {
+                assert!((axis - sum / norm).abs() < 1e-12);
+            }
+        }
+        // One object point cannot be divided.
+        let tiny = object.part(0, 25);
+        let pool = pooled(&embedder, &tiny, 3, 0.0, &queries).unwrap();
+        assert_eq!(pool[0].logit, ask(&tiny)[0].logit);
+    }
+
+    #[test]
+    fn parts_are_disjoint_and_make_up_the_whole() {
+        let object = Observed {
+            category: Category::Bowl,
+            points_world: (0..7).map(|i| Point::new(f64::from(i), 0.0, 0.0)).collect(),
+            free_world: (0..3).map(|i| Point::new(0.0, f64::from(i), 0.0)).collect(),
+            viewpoint_world: Point::origin(),
+        };
+        let x = |part| -> Vec<f64> {
+            object
+                .part(part, 3)
+                .points_world
+                .iter()
+                .map(|p| p.x)
+                .collect()
+        };
+        assert_eq!(
+            [x(0), x(1), x(2)],
+            [vec![0.0, 3.0, 6.0], vec![1.0, 4.0], vec![2.0, 5.0]]
+        );
+        assert_eq!(object.part(2, 3).free_world, [Point::new(0.0, 2.0, 0.0)]);
+    }
 
     fn sigmoid(logit: f64) -> f64 {
         1.0 / (1.0 + (-logit).exp())

@@ -125,7 +125,7 @@ fn a_category_that_is_not_in_the_training_set_is_an_error() {
 }
 
 /// Networks that were never trained: every number they give is as good as any.
-fn untrained() -> Embedders {
+pub(super) fn untrained() -> Embedders {
     let device = Device::flex();
     let widths = Widths { point: 8, code: 8 };
     Embedders {
