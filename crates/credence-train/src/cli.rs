@@ -28,11 +28,27 @@ pub struct Cli {
 pub enum Network {
     /// Training scenes in advance; a training run makes those that it lacks itself
     Data(DataCommand),
-    /// The query embedding: an observed cloud in, any point's place in the unit ball out
+    /// Train the query embedding: an observed cloud in, any point's place in the unit ball out
+    ///
+    /// Scenes are generated from the meshes on the first run and cached. The run may be stopped at
+    /// any time (Ctrl-C): the same command resumes it from its newest checkpoint and ends with the
+    /// same weights. Beside the weights it writes their provenance (.json) and the curve of the
+    /// loss (.loss.csv).
+    ///
+    /// Make the meshes with `harness assets --split train --out data/meshes/train` and `harness
+    /// assets --split validation --out data/meshes/validation`.
     Query(QueryArgs),
-    /// The seed's metric embedding: a cloud in, a unit vector per point out
+    /// Train the seed's metric embedding: a cloud in, a unit vector per point out
+    ///
+    /// Scenes are generated from the meshes on the first run and cached; `credence-train query`
+    /// uses the same. The run may be stopped at any time (Ctrl-C): the same command resumes it from
+    /// its newest checkpoint and ends with the same weights. Beside the weights it writes their
+    /// provenance (.json) and the curve of the loss (.loss.csv).
     Embed(EmbedArgs),
-    /// Unit vectors of unseen objects' points, for the picture of the sphere
+    /// Embed the points of unseen objects and write the unit vectors, for the picture of the sphere
+    ///
+    /// The table's rows are the learned directions of the categories and a sample of every
+    /// category's points: kind, category and the vector.
     Sphere(SphereArgs),
 }
 

@@ -20,14 +20,7 @@ const VALIDATION_SCENES: usize = 200;
 /// Seed of the validation scenes: the same whatever the run's seed, so that runs compare.
 const VALIDATION_SEED: u64 = 1;
 
-/// Train the query embedding: an observed cloud in, any point's place in the unit ball out.
-///
-/// Scenes are generated from the meshes on the first run and cached. The run may be stopped at any
-/// time (Ctrl-C): the same command resumes it from its newest checkpoint and ends with the same
-/// weights. Beside the weights it writes their provenance (.json) and the curve of the loss (.csv).
-///
-/// Make the meshes with `harness assets --split train --out data/meshes/train` and `harness assets
-/// --split validation --out data/meshes/validation`.
+/// What to train the query embedding on, and where to put it.
 #[derive(Debug, Clone, Args)]
 pub struct QueryArgs {
     /// Folder of training meshes with their MANIFEST.json
@@ -39,10 +32,11 @@ pub struct QueryArgs {
     /// File that the weights are written to
     #[arg(long)]
     pub out: PathBuf,
-    /// Optimiser steps; more is better, slowly: 10,000 take about half an hour on two cores
+    /// Optimiser steps; more is better, slowly: 10,000 take about half an hour on two cores [default:
+    /// 10000; 40 with --quick]
     #[arg(long)]
     pub steps: Option<u64>,
-    /// Training scenes to generate
+    /// Training scenes to generate [default: 30000; 60 with --quick]
     #[arg(long)]
     pub scenes: Option<usize>,
     /// Seed of the scenes, their order, the augmentation and the first weights
