@@ -27,6 +27,9 @@ pub enum EmbedError {
         /// The offending value.
         value: f64,
     },
+    /// Nothing to embed.
+    #[error("the batch has no observations; pass at least one")]
+    EmptyBatch,
     /// Observations that cannot be embedded together.
     #[error(
         "observation {index} has {found} queries, the first one has {expected}; a batch needs the \

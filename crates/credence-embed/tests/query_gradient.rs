@@ -162,4 +162,6 @@ fn observations_of_a_batch_do_not_see_each_other() {
         message.contains("observation 1 has 2 queries, the first one has 6"),
         "{message}"
     );
+    let message = Batch::new(&[], &device).unwrap_err().to_string();
+    assert_eq!(message, "the batch has no observations; pass at least one");
 }

@@ -53,14 +53,6 @@ impl Sample {
     }
 }
 
-impl Sample {
-    /// The queries alone, for an observation that is already encoded.
-    pub(crate) fn into_query_tensors(self, device: &Device) -> QueryTensors {
-        let count = self.queries.places.len();
-        QueryTensors::new(&[self], &[0], count, device)
-    }
-}
-
 impl Queries {
     fn new(support: &Support, queries: &[[f32; 3]]) -> Result<Self, EmbedError> {
         let queries: Vec<[f32; 3]> = queries.iter().map(|q| within_reach(*q)).collect();
@@ -144,9 +136,10 @@ impl Batch {
     /// Puts prepared observations on the device.
     ///
     /// # Errors
-    /// Observations with different numbers of queries.
+    /// No observations, or observations with different numbers of queries.
     pub fn new(samples: &[Sample], device: &Device) -> Result<Self, EmbedError> {
-        let expected = samples.first().map_or(0, |s| s.queries.places.len());
+        let first = samples.first().ok_or(EmbedError::EmptyBatch)?;
+        let expected = first.queries.places.len();
         let mut first_rows = Vec::with_capacity(samples.len());
         let mut rows = 0;
         for (index, sample) in samples.iter().enumerate() {
@@ -168,22 +161,37 @@ impl Batch {
         Ok(Self {
             points: floats(points, [rows, 4], device),
             subset: ints(object.chain(free), count, device),
-            queries: QueryTensors::new(samples, &first_rows, expected, device),
+            queries: QueryTensors::new(
+                &samples.iter().map(|s| &s.queries).collect::<Vec<_>>(),
+                &first_rows,
+                expected,
+                device,
+            ),
         })
     }
 }
 
 impl QueryTensors {
-    fn new(samples: &[Sample], first_rows: &[usize], count: usize, device: &Device) -> Self {
-        let total = samples.len() * count;
-        let object = samples.iter().flat_map(|s| &s.queries.object_edges);
-        let edges = object.chain(samples.iter().flat_map(|s| &s.queries.free_edges));
-        let object = shifted(samples, first_rows, |s| &s.queries.object_rows);
-        let rows = object.chain(shifted(samples, first_rows, |s| &s.queries.free_rows));
-        let places = samples.iter().flat_map(|s| &s.queries.places);
+    /// Queries of an observation that is encoded on its own.
+    pub(crate) fn of(
+        support: &Support,
+        queries: &[[f32; 3]],
+        device: &Device,
+    ) -> Result<Self, EmbedError> {
+        let prepared = Queries::new(support, queries)?;
+        Ok(Self::new(&[&prepared], &[0], queries.len(), device))
+    }
+
+    fn new(queries: &[&Queries], first_rows: &[usize], count: usize, device: &Device) -> Self {
+        let total = queries.len() * count;
+        let object = queries.iter().flat_map(|q| &q.object_edges);
+        let edges = object.chain(queries.iter().flat_map(|q| &q.free_edges));
+        let object = shifted(queries, first_rows, |q| &q.object_rows);
+        let rows = object.chain(shifted(queries, first_rows, |q| &q.free_rows));
+        let places = queries.iter().flat_map(|q| &q.places);
         let edge_count = total * (NEAR_OBJECT + NEAR_FREE);
         Self {
-            observations: samples.len(),
+            observations: queries.len(),
             count,
             edges: floats(edges.flatten().copied(), [edge_count, EDGE], device),
             rows: ints(rows, edge_count, device),
@@ -192,16 +200,16 @@ impl QueryTensors {
     }
 }
 
-/// Rows of each sample, counted from the batch's first row.
-fn shifted<'a>(
-    samples: &'a [Sample],
+/// Rows of each observation, counted from the batch's first row.
+fn shifted<'a, T>(
+    observations: &'a [T],
     first_rows: &'a [usize],
-    rows: impl Fn(&Sample) -> &Vec<usize> + 'a,
+    rows: impl Fn(&'a T) -> &'a Vec<usize> + 'a,
 ) -> impl Iterator<Item = usize> + 'a {
-    let shifted = move |(sample, first): (&'a Sample, &'a usize)| {
-        rows(sample).iter().map(move |row| first + row)
+    let shifted = move |(observation, first): (&'a T, &'a usize)| {
+        rows(observation).iter().map(move |row| first + row)
     };
-    samples.iter().zip(first_rows).flat_map(shifted)
+    observations.iter().zip(first_rows).flat_map(shifted)
 }
 
 fn floats(values: impl Iterator<Item = f32>, shape: [usize; 2], device: &Device) -> Tensor<2> {

@@ -7,7 +7,8 @@ use rand::{Rng, seq::SliceRandom as _};
 use rayon::prelude::*;
 
 use super::{
-    Batch, CATEGORIES, Observation, QueryNetwork, Sample, Support, Widths, support::REACH,
+    Batch, CATEGORIES, Observation, QueryNetwork, Sample, Support, Widths, batch::QueryTensors,
+    support::REACH,
 };
 use crate::{EmbedError, ObjectFrame, frame::finite};
 
@@ -110,7 +111,7 @@ impl QueryEmbedder {
         let encoded = self.network.encode(&batch);
         let queries: Vec<[f32; 3]> = queries.iter().map(to_frame).collect();
         let chunks = queries.par_chunks(CHUNK).map(|queries| {
-            let tensors = Sample::new(&support, queries)?.into_query_tensors(&self.device);
+            let tensors = QueryTensors::of(&support, queries, &self.device)?;
             let decoded = self.network.decode(&encoded, &tensors);
             let logits = read(decoded.logits)?;
             let directions = read(decoded.directions)?;

@@ -195,7 +195,7 @@ impl QueryNetwork {
 /// The rows are looked for outside autodiff, and only their values are taken inside.
 fn highest(rows: Tensor<2>, groups: usize) -> Tensor<2> {
     let width = rows.dims()[1];
-    let winners = strongest_rows(&rows, groups).reshape([groups, width]);
+    let winners = strongest_rows(rows.clone(), groups).reshape([groups, width]);
     rows.gather(0, winners)
 }
 
