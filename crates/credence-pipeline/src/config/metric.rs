@@ -80,7 +80,7 @@ impl Default for MetricConfig {
             gate: false,
             gate_temperature: 1.0,
             table_height_m: 0.0,
-            literal_lengthscale_m: 0.02,
+            literal_lengthscale_m: 0.003,
             query_weights: Weights::default(),
             metric_weights: Weights::default(),
         }

@@ -59,7 +59,7 @@ impl Default for RecalibrationConfig {
         Self {
             classic: platt(0.459, -0.623),
             classic_tuned: platt(1.02, -0.22),
-            metric_literal: Platt::default(),
+            metric_literal: platt(0.541, 0.0858),
             metric: platt(1.04, 0.22),
             network: platt(1.0, 0.246),
             nearest: platt(1.17, 1.47),
