@@ -82,7 +82,7 @@ impl NeighbourGraph {
         let [rows, channels] = values.dims();
         assert_eq!(rows, self.rows(), "one row of features per point");
         let device = values.device();
-        let data = host_values(values);
+        let data = host_values(values.clone());
         let values: &[f32] = data.as_slice().unwrap_or_default();
         let row = |j: u32| &values[j as usize * channels..(j as usize + 1) * channels];
         let mut winners = vec![0_i32; rows * channels];

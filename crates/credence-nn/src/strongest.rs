@@ -12,13 +12,13 @@ const LANES: usize = 16;
 /// Columns of a task: together with their winners they stay in the innermost cache.
 const TASK_COLUMNS: usize = 256;
 
-/// The values of a tensor on the host.
+/// The values of a tensor on the host, without a copy where nobody else holds it.
 ///
 /// # Panics
 ///
 /// When they are not in single precision.
-pub(crate) fn host_values(tensor: &Tensor<2>) -> TensorData {
-    let data = tensor.clone().inner().into_data();
+pub(crate) fn host_values(tensor: Tensor<2>) -> TensorData {
+    let data = tensor.inner().into_data();
     assert_eq!(data.dtype(), burn::tensor::DType::F32, "networks are f32");
     data
 }
@@ -29,7 +29,7 @@ pub(crate) fn host_values(tensor: &Tensor<2>) -> TensorData {
 /// # Panics
 ///
 /// When there are no rows, or not equally many per group.
-pub fn strongest_rows(values: &Tensor<2>, groups: usize) -> Tensor<1, Int> {
+pub fn strongest_rows(values: Tensor<2>, groups: usize) -> Tensor<1, Int> {
     let [rows, columns] = values.dims();
     assert!(
         groups > 0 && rows > 0 && rows.is_multiple_of(groups),
@@ -105,7 +105,7 @@ mod tests {
     fn two_groups_by_hand() {
         let values = [[1.0_f32, 5.0], [3.0, 5.0], [-1.0, 0.0], [-2.0, 7.0]];
         let values = Tensor::<2>::from_data(values, &Device::flex());
-        let found: Vec<i32> = strongest_rows(&values, 2).into_data().iter().collect();
+        let found: Vec<i32> = strongest_rows(values, 2).into_data().iter().collect();
         assert_eq!(found, [1, 0, 2, 3]);
     }
 
@@ -122,7 +122,7 @@ mod tests {
                 .map(|i| f32::from(seed[i * 5 % seed.len()]))
                 .collect();
             let data = TensorData::new(values.clone(), [rows, columns]);
-            let found = strongest_rows(&Tensor::from_data(data, &Device::flex()), 2);
+            let found = strongest_rows(Tensor::from_data(data, &Device::flex()), 2);
             let found: Vec<usize> = found.into_data().iter::<i64>().map(|i| i as usize).collect();
             for group in 0..2 {
                 for column in 0..columns {

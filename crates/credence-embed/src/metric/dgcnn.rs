@@ -1,7 +1,7 @@
 use burn::{
     module::Module,
     nn::{Linear, LinearConfig},
-    tensor::{Device, Int, Tensor},
+    tensor::{Device, Tensor},
 };
 use credence_nn::{RowNorm, edge_conv::EdgeConv, leaky_relu, strongest_rows};
 
@@ -49,22 +49,24 @@ impl Dgcnn {
         }
     }
 
-    /// Logits of the points in `rows` (of all points when `None`), which must hold equally many
-    /// of every cloud, cloud by cloud.
-    pub(super) fn forward(&self, batch: &CloudBatch, rows: Option<Tensor<1, Int>>) -> Tensor<2> {
-        let features = self.point_features(batch);
-        let code = self.cloud_codes(&features, batch.clouds());
-        let features = match rows {
-            Some(rows) => features.select(0, rows),
-            None => features,
-        };
+    /// What is known of every cloud.
+    pub(super) fn encode(&self, batch: &CloudBatch) -> Encoded {
+        let points = self.point_features(batch);
+        let codes = self.cloud_codes(&points, batch.clouds());
+        Encoded { points, codes }
+    }
+
+    /// Logits of points from their features, `[points, 3 * edge]`, and their clouds' codes:
+    /// equally many points of every cloud, cloud by cloud.
+    pub(super) fn decode(&self, points: Tensor<2>, codes: Tensor<2>) -> Tensor<2> {
         // The layer on [code, features] is the sum of a layer on each: the code's is computed
         // once per cloud.
-        let from_point = self.from_point.forward(features);
-        let [points, width] = from_point.dims();
-        let clouds = batch.clouds();
+        let from_code = self.from_code.forward(codes);
+        let from_point = self.from_point.forward(points);
+        let [clouds, width] = from_code.dims();
+        let [points, _] = from_point.dims();
         let hidden = (from_point.reshape([clouds, points / clouds, width])
-            + self.from_code.forward(code).reshape([clouds, 1, width]))
+            + from_code.reshape([clouds, 1, width]))
         .reshape([points, width]);
         let hidden = leaky_relu(self.decoder_norm.forward(hidden));
         self.logits.forward(self.decoder.forward(hidden))
@@ -91,7 +93,7 @@ impl Dgcnn {
         let weight = self.code.weight.val();
         let [inputs, channels] = weight.dims();
         let responses = features.clone().inner().matmul(weight.clone().inner());
-        let winners = strongest_rows(&responses, clouds).to_device(&features.device());
+        let winners = strongest_rows(responses, clouds).to_device(&features.device());
         let winners = features
             .clone()
             .select(0, winners)
@@ -101,6 +103,14 @@ impl Dgcnn {
             .reshape([clouds, channels]);
         leaky_relu(self.code_norm.forward(responses))
     }
+}
+
+/// Clouds as the network knows them.
+pub(super) struct Encoded {
+    /// Features of every point, cloud by cloud.
+    pub(super) points: Tensor<2>,
+    /// A code per cloud.
+    pub(super) codes: Tensor<2>,
 }
 
 /// A layer applied to every point by itself.
@@ -167,16 +177,18 @@ mod tests {
     fn a_cloud_in_a_batch_has_the_logits_it_has_alone() {
         let network = network(&Device::flex().autodiff()).valid();
         let (a, b) = (cloud(1), cloud(2));
-        let both = values(network.forward(&CloudBatch::new(&[&a, &b]).unwrap(), None));
-        let alone = values(network.forward(&CloudBatch::new(&[&b]).unwrap(), None));
+        let both = network.encode(&CloudBatch::new(&[&a, &b]).unwrap());
+        let alone = network.encode(&CloudBatch::new(&[&b]).unwrap());
+        let some_of_both = both.points.clone();
+        let codes = both.codes.clone();
+        let both = values(network.decode(both.points, both.codes));
+        let alone = values(network.decode(alone.points, alone.codes));
         assert!(close(&both[POINTS * WIDTHS.logits..], &alone));
         // The second cloud's rows begin at 30.
         let chosen = [3_u8, 0, 37, 31];
-        let rows = Tensor::from_data(
-            TensorData::new(chosen.map(i32::from).to_vec(), [4]),
-            &Device::flex(),
-        );
-        let some = values(network.forward(&CloudBatch::new(&[&a, &b]).unwrap(), Some(rows)));
+        let rows = TensorData::new(chosen.map(i32::from).to_vec(), [4]);
+        let rows = some_of_both.select(0, Tensor::from_data(rows, &Device::flex()));
+        let some = values(network.decode(rows, codes));
         for (row, some) in chosen.iter().zip(some.chunks(WIDTHS.logits)) {
             assert!(close(
                 &both[usize::from(*row) * WIDTHS.logits..][..WIDTHS.logits],
@@ -190,8 +202,10 @@ mod tests {
         let network = network(&Device::flex().autodiff()).valid();
         let first = cloud(1);
         let reversed: Vec<[f32; 3]> = first.iter().rev().copied().collect();
-        let logits =
-            |cloud: &[[f32; 3]]| values(network.forward(&CloudBatch::new(&[cloud]).unwrap(), None));
+        let logits = |cloud: &[[f32; 3]]| {
+            let encoded = network.encode(&CloudBatch::new(&[cloud]).unwrap());
+            values(network.decode(encoded.points, encoded.codes))
+        };
         let (forth, back) = (logits(&first), logits(&reversed));
         for (forth, back) in forth
             .chunks(WIDTHS.logits)
@@ -250,10 +264,9 @@ mod tests {
         let device = Device::flex().autodiff();
         let network = network(&device);
         let (a, b) = (cloud(1), cloud(2));
-        let loss = network
-            .forward(&CloudBatch::new(&[&a, &b]).unwrap(), None)
-            .powi_scalar(2)
-            .mean();
+        let encoded = network.encode(&CloudBatch::new(&[&a, &b]).unwrap());
+        let logits = network.decode(encoded.points, encoded.codes);
+        let loss = logits.powi_scalar(2).mean();
         let grads = burn::optim::GradientsParams::from_grads(loss.backward(), &network);
         // Ten layers' weights, scales and shifts of eight normalisations, and one bias.
         assert_eq!(grads.len(), 10 + 2 * 8 + 1);

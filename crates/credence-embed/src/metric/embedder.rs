@@ -16,6 +16,9 @@ use crate::EmbedError;
 /// Weights trained by `credence-train embed`.
 static EMBEDDED: &[u8] = include_bytes!("../../../../assets/weights/metric.safetensors");
 
+/// Points whose logits are computed together.
+const BLOCK: usize = 256;
+
 /// Directions on the unit sphere for the points of a cloud, from the trained network.
 #[derive(Debug, Clone)]
 pub struct MetricEmbedder {
@@ -78,9 +81,11 @@ impl MetricEmbedder {
         let mut embedded = vec![MetricEmbedding::default(); points.len()];
         for indices in deal(points.len()) {
             let cloud: Vec<[f32; 3]> = indices.iter().map(|&i| centred[i]).collect();
-            let logits = self.network.logits(&CloudBatch::new(&[&cloud])?, None);
-            let features = rows(self.network.features(logits.clone()));
-            for ((index, logits), feature) in indices.into_iter().zip(rows(logits)).zip(features) {
+            let blocks = self.network.in_blocks(&CloudBatch::new(&[&cloud])?, BLOCK);
+            let points = blocks
+                .into_iter()
+                .flat_map(|[logits, features]| rows(logits).into_iter().zip(rows(features)));
+            for (index, (logits, feature)) in indices.into_iter().zip(points) {
                 embedded[index] = MetricEmbedding {
                     direction: unit(&feature),
                     logits,
@@ -257,11 +262,20 @@ mod tests {
     }
 
     #[test]
-    fn the_built_in_network_has_six_directions_and_puts_points_on_the_sphere() {
+    fn the_built_in_network_has_six_directions_far_apart_and_puts_points_on_the_sphere() {
         let embedder = MetricEmbedder::embedded().unwrap();
         let directions = embedder.class_directions();
         assert_eq!(directions.len(), credence_types::Category::ALL.len());
         assert_unit(&directions);
+        for (i, a) in directions.iter().enumerate() {
+            for b in &directions[..i] {
+                let cosine: f64 = a.iter().zip(b).map(|(a, b)| a * b).sum();
+                assert!(
+                    cosine < 0.5,
+                    "{a:?} and {b:?} are less than 60 degrees apart"
+                );
+            }
+        }
         assert_unit(&embedder.embed(&cloud(500)).unwrap());
     }
 }

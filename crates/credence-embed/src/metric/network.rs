@@ -4,8 +4,12 @@ use burn::{
     tensor::{Device, Int, Tensor, TensorData},
 };
 use credence_nn::leaky_relu;
+use rayon::prelude::*;
 
-use super::{clouds::CloudBatch, dgcnn::Dgcnn};
+use super::{
+    clouds::CloudBatch,
+    dgcnn::{Dgcnn, Encoded},
+};
 
 /// Channels of every layer; the default is the published network's.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -62,7 +66,26 @@ impl MetricNetwork {
     /// Logits per point, free space first, of the points in `rows` (of all when `None`), which
     /// must hold equally many of every cloud, cloud by cloud.
     pub fn logits(&self, batch: &CloudBatch, rows: Option<Tensor<1, Int>>) -> Tensor<2> {
-        self.dgcnn.forward(batch, rows)
+        let Encoded { points, codes } = self.dgcnn.encode(batch);
+        let points = match rows {
+            Some(rows) => points.select(0, rows),
+            None => points,
+        };
+        self.dgcnn.decode(points, codes)
+    }
+
+    /// Logits and features of all points of one cloud, `rows` of them at a time in parallel: their
+    /// layers' outputs then stay in the cache.
+    pub(super) fn in_blocks(&self, batch: &CloudBatch, rows: usize) -> Vec<[Tensor<2>; 2]> {
+        let Encoded { points, codes } = self.dgcnn.encode(batch);
+        points
+            .split(rows, 0)
+            .into_par_iter()
+            .map(|points| {
+                let logits = self.dgcnn.decode(points, codes.clone());
+                [logits.clone(), self.features(logits)]
+            })
+            .collect()
     }
 
     /// The head's output `[n, 3]` for logits `[n, classes]`, before it is normalised: its length
