@@ -170,6 +170,14 @@ mod tests {
     }
 
     #[test]
+    fn a_million_points_make_clouds_of_the_size_of_the_training() {
+        let sizes: Vec<usize> = deal(1_000_000).iter().map(Vec::len).collect();
+        assert_eq!(sizes.len(), 489);
+        assert_eq!(sizes.iter().sum::<usize>(), 1_000_000);
+        assert!(sizes.iter().all(|size| [2044, 2045].contains(size)));
+    }
+
+    #[test]
     fn clouds_of_one_batch_have_one_size_and_enough_points() {
         let cloud = |n: usize| vec![[0.0_f32; 3]; n];
         let (small, large) = (cloud(19), cloud(30));
