@@ -228,7 +228,7 @@ def load_config(
         raise InputError(_first_problem(error, source=source, options=options)) from None
     try:
         whole = (check_pipeline or _rust_pipeline_check)(config.pipeline_json())
-    except ValueError as error:
+    except (ValueError, OSError) as error:
         raise InputError(f"{source}: [pipeline] {error}") from None
     return config.model_copy(update={"pipeline": json.loads(whole)})
 

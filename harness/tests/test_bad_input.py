@@ -171,7 +171,7 @@ def test_what_is_no_number_or_array_is_named(change: dict[str, Any], message: st
 
 
 def classify(pipeline: Pipeline, training: TrainingSet, points: np.ndarray) -> Predictions:
-    return pipeline.classify(1, training, points)
+    return pipeline.classify(1, training, points, model="classic")
 
 
 GP: dict[str, Any] = {

@@ -8,7 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness.native import CLASS_NAMES, Pipeline, Predictions, TrainingSet
+from harness.native import (
+    CLASS_NAMES,
+    Pipeline,
+    Predictions,
+    TrainingSet,
+    check_pipeline_config,
+)
 from harness.tests.support import frame
 
 MODELS = ("classic", "classic_tuned", "metric_literal", "metric", "network", "nearest")
@@ -80,6 +86,7 @@ def test_the_network_alone_is_the_prior_of_metric() -> None:
     assert metric.prior_probability is not None
     assert (network.probabilities[:, 1] == network.prior_probability).all()
     assert (metric.prior_probability == network.prior_probability).all()
+    assert metric.class_names == network.class_names
     # Metres away, no training point corrects the network: its odds are shrunk by the variance.
     assert metric.classes[-1] == network.classes[-1] == 0
 
@@ -93,7 +100,7 @@ def test_recalibration_changes_the_confidence_and_nothing_else() -> None:
     before = classified("nearest")
     after = classified("nearest", recalibration={"nearest": {"slope": 2, "intercept": -1}})
     assert (before.probabilities == after.probabilities).all()
-    off = (before.probabilities[:, 1] > 0) & (before.probabilities[:, 1] < 1)
+    off = np.abs(before.probabilities[:, 1] - 0.5) < 0.5 - 1e-6
     logit = np.log(before.probabilities[off, 1] / before.probabilities[off, 0])
     assert off.any()
     expected = np.exp(-np.logaddexp(0, 1 - 2 * logit))
@@ -127,7 +134,34 @@ def test_the_embedding_of_the_network_is_at_hand() -> None:
     radius = 1 / (1 + np.exp(-logits))
     assert np.allclose(predictions.embedding, radius[:, None] * directions)
     assert predictions.prior_probability is not None
-    assert np.allclose(predictions.prior_probability, radius)
+    temperature = json.loads(check_pipeline_config("{}"))["metric"]["temperature"]
+    probability = 1 / (1 + np.exp(-logits / temperature))
+    assert np.allclose(predictions.prior_probability, probability, rtol=1e-12)
+
+
+def test_the_order_of_a_given_set_does_not_matter() -> None:
+    pipeline = mapped()
+    drawn = pipeline.training_set(1, seed=0)
+    points, order = near_and_far(drawn), np.random.default_rng(0).permutation(len(drawn.classes))
+    sets = [
+        TrainingSet(
+            drawn.points_world[at], drawn.classes[at], viewpoint_world=drawn.viewpoint_world
+        )
+        for at in (np.arange(len(order)), order)
+    ]
+    for model in ("metric", "network", "classic_tuned", "nearest"):
+        ours, theirs = (pipeline.classify(1, given, points, model=model) for given in sets)
+        assert np.allclose(ours.probabilities, theirs.probabilities, rtol=1e-6, atol=1e-9), model
+
+
+def test_no_embedding_of_an_object_that_is_not_in_the_set() -> None:
+    pipeline = mapped()
+    drawn = pipeline.training_set(1, seed=0)
+    other = CLASS_NAMES.index("bowl" if pipeline.objects()[0].category != "bowl" else "mug")
+    classes = np.where(drawn.classes > 0, other, 0).astype(np.uint8)
+    given = TrainingSet(drawn.points_world, classes, viewpoint_world=drawn.viewpoint_world)
+    with pytest.raises(ValueError, match="no training point is of that category"):
+        pipeline.query_embedding(1, given, drawn.points_world[:3])
 
 
 def test_a_given_set_needs_a_viewpoint() -> None:

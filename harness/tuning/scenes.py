@@ -68,8 +68,11 @@ class TuningScene:
         pipeline = Pipeline(json.dumps(settings, sort_keys=True))
         (object_id,) = pipeline.add_frame(**self.view)
         if object_id is None:
-            raise SceneFailure(f"{self.scene_id}: no view shows the target")
-        predictions = pipeline.classify(object_id, self.training, self.points, model=model)
+            raise InputError(f"{self.scene_id}: no view shows the target; change [scenes]")
+        try:
+            predictions = pipeline.classify(object_id, self.training, self.points, model=model)
+        except ValueError as error:
+            raise InputError(f"{self.scene_id}, model {model}: {error}") from error
         return Answers(predictions, slice(None)).probability(self.category)
 
 
@@ -111,7 +114,8 @@ def tuning_scenes(
             target = scene.objects[0]
             pipeline = map_scene(scene, config=config)
             mapped = find_mapped(pipeline.objects(), target)
-        except (SceneError, SceneFailure) as error:
+            training = pipeline.training_set(mapped.id, seed=job.seed)
+        except (SceneError, SceneFailure, ValueError) as error:
             lost(job.scene_id, str(error))
             continue
         points = np.concatenate(
@@ -127,7 +131,7 @@ def tuning_scenes(
             scene_id=job.scene_id,
             category=target.category,
             view=_small_view(scene, target),
-            training=pipeline.training_set(mapped.id, seed=job.seed),
+            training=training,
             points=points,
             truth=true == target.category,
         )

@@ -41,7 +41,7 @@ impl From<PathBuf> for Weights {
 #[serde(default)]
 pub struct MetricConfig {
     /// Disjoint random parts of the observation whose answers `metric` pools; 1 is one look at
-    /// everything, as `network` takes.
+    /// everything, as `network` takes. Small observations are divided into fewer.
     pub parts: usize,
     /// T in p = sigmoid(logit / T), the query network's probability.
     pub temperature: f64,

@@ -3,6 +3,9 @@ use serde::{Deserialize, Serialize};
 use super::strict::{finite, positive};
 use crate::{ModelChoice, PipelineError};
 
+/// Distance from 0 and 1 at which a probability's logit is taken, as where the lines are fitted.
+const LOGIT_CLIP: f64 = 1e-6;
+
 /// Platt's recalibration of a probability: sigmoid(`slope` logit(p) + `intercept`) (Platt 1999,
 /// "Probabilistic outputs for support vector machines"). The default changes nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -29,7 +32,8 @@ impl Platt {
         if *self == Self::default() {
             return probability;
         }
-        let logit = probability.ln() - (-probability).ln_1p();
+        let clipped = probability.clamp(LOGIT_CLIP, 1.0 - LOGIT_CLIP);
+        let logit = clipped.ln() - (-clipped).ln_1p();
         1.0 / (1.0 + (-self.slope * logit - self.intercept).exp())
     }
 }

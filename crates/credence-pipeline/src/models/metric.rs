@@ -163,7 +163,8 @@ impl Gate {
         })
     }
 
-    /// Mixes the classic process's probabilities in.
+    /// Mixes the classic process's probabilities in. The likelier of the two is the process whose
+    /// variances and hyperparameters are told.
     fn mix(
         &self,
         question: &Question<'_>,
@@ -177,6 +178,10 @@ impl Gate {
             let classic = classic::posterior(question, setting, &hyperparameters)?;
             for (own, other) in answer.probabilities.iter_mut().zip(classic.probabilities()) {
                 *own = self.weight * *own + (1.0 - self.weight) * other;
+            }
+            if self.weight < 0.5 {
+                let fits = self.fits.clone();
+                answer.process = answer_of(question, &classic, hyperparameters, fits)?.process;
             }
         }
         Ok(())

@@ -2,13 +2,18 @@ mod observed;
 #[cfg(test)]
 mod tests;
 
+use std::cmp::Ordering;
+
 use credence_map::{Aabb, FreeSampling, KeepAway, MapError, ObjectId, SemanticMap, TrackedObject};
 use credence_types::{CLASS_COUNT, Category, FREE_CLASS, Point, stream};
 use nalgebra::Vector3;
 pub(crate) use observed::{Observed, Viewpoints};
-use rand::seq::index;
+use rand::seq::{SliceRandom as _, index};
 
 use crate::{PipelineError, TrainingConfig, config::MAX_POINTS};
+
+/// Seed of the order of a caller's points: fixed, so that the points alone decide it.
+const ORDER_SEED: u64 = 0;
 
 /// What a classifier learns about one object: observed points of its surroundings, labelled with
 /// their category, and points known to be free.
@@ -30,7 +35,8 @@ enum Source {
 
 impl TrainingSet {
     /// Points (world coordinates, metres) and the class of each: 0 is free space, 1 to 6 the
-    /// categories. Their order does not matter.
+    /// categories. Their order matters to `metric_literal` alone, which embeds more than 2,048 points
+    /// in several clouds.
     ///
     /// # Errors
     /// Lists of different lengths, more points than a classifier has memory for, a class past the
@@ -114,6 +120,9 @@ impl TrainingSet {
             }
             Source::Given { viewpoint_world } => {
                 let viewpoint_world = viewpoint_world.ok_or(PipelineError::NoViewpoint)?;
+                if !self.classes.contains(&category.class()) {
+                    return Err(PipelineError::CategoryNotTrained { category });
+                }
                 let others = Category::ALL.into_iter().filter(|other| *other != category);
                 let observed = std::iter::once(category)
                     .chain(others)
@@ -129,10 +138,18 @@ impl TrainingSet {
         }
     }
 
+    /// A caller's points of a class, in a random order that does not depend on theirs: a network
+    /// is asked about random parts of them.
     fn of_class(&self, class: u8) -> Vec<Point> {
         let labelled = self.points_world.iter().zip(&self.classes);
         let own = labelled.filter(|(_, c)| **c == class);
-        own.map(|(point, _)| *point).collect()
+        let mut points: Vec<Point> = own.map(|(point, _)| *point).collect();
+        points.sort_by(|a, b| {
+            let axes = a.iter().zip(b.iter());
+            axes.fold(Ordering::Equal, |order, (a, b)| order.then(a.total_cmp(b)))
+        });
+        points.shuffle(&mut stream(ORDER_SEED, "pipeline/given"));
+        points
     }
 
     /// Draws the training points of an object: see [`TrainingConfig`].

@@ -82,6 +82,8 @@ impl EmbedArgs {
         at_least_one("scenes", scenes as u64)?;
         at_least_one("steps", steps)?;
         ready(&self.out)?;
+        // Of the source that trains: hours later the checkout may have moved on.
+        let git_revision = git_revision();
         let device = Device::flex().autodiff();
         let task = MetricTask {
             scenes: self.scenes_of("train", &self.meshes, scenes, self.seed)?,
@@ -104,7 +106,7 @@ impl EmbedArgs {
         let provenance = Provenance {
             command: command_line(),
             seed: self.seed,
-            git_revision: git_revision(),
+            git_revision,
             steps,
             parameters: outcome.network.num_params() as u64,
             data: BTreeMap::from([

@@ -106,7 +106,12 @@ fn the_gate_falls_back_to_classic_where_the_scene_contradicts() {
     for (a, b) in answer.probabilities.iter().zip(classic()) {
         assert!((a - b).abs() < 1e-6);
     }
-    assert_eq!(answer.process.unwrap().fits.len(), 2);
+    // It is the classic process whose variances are told, not that of the prior it refused.
+    let process = answer.process.unwrap();
+    assert_eq!(process.fits.len(), 2);
+    for (own, fit) in process.hyperparameters.iter().zip(&process.fits) {
+        assert_eq!(*own, fit.hyperparameters);
+    }
 }
 
 #[test]
