@@ -35,8 +35,8 @@ enum Source {
 
 impl TrainingSet {
     /// Points (world coordinates, metres) and the class of each: 0 is free space, 1 to 6 the
-    /// categories. Their order matters to `metric_literal` alone, which embeds more than 2,048 points
-    /// in several clouds.
+    /// categories. Their order decides which of them a fit of
+    /// hyperparameters sees, and how `metric_literal` divides them into clouds; nothing else.
     ///
     /// # Errors
     /// Lists of different lengths, more points than a classifier has memory for, a class past the
