@@ -147,7 +147,7 @@ fn asked_of(
     answer(
         model,
         &question,
-        &config("{}"),
+        &config(r#"{"lengthscale_m": 0.01, "outputscale": 2}"#),
         &mut untrained(),
         &mut watch,
     )

@@ -32,6 +32,9 @@ fn metric(
     (answer, of_mug)
 }
 
+/// Scales at which the tests' few points reach each other.
+const WIDE: &str = r#"{"lengthscale_m": 0.01, "outputscale": 2}"#;
+
 fn agreeing(label: usize) -> f64 {
     if label == 1 { 0.9 } else { 0.1 }
 }
@@ -39,7 +42,7 @@ fn agreeing(label: usize) -> f64 {
 #[test]
 fn the_scene_corrects_the_network_where_it_has_points_and_only_there() {
     // The network is wrong about both places that were seen, and alone about the third.
-    let (answer, p) = metric(&config("{}"), agreeing, &[0.3, 0.7, 0.8]);
+    let (answer, p) = metric(&config(WIDE), agreeing, &[0.3, 0.7, 0.8]);
     assert!(p[0] > 0.5 && p[1] < 0.5, "{p:?}");
     assert_eq!(answer.class, [1, 0, 1]);
     let process = answer.process.unwrap();
@@ -58,8 +61,8 @@ fn the_scene_corrects_the_network_where_it_has_points_and_only_there() {
 
 #[test]
 fn equal_embeddings_leave_the_kernel_as_it_is_and_unequal_ones_part_points() {
-    let joined = r#"{"lengthscale_m": 0.01, "kernel_input": "xyz_embedding"}"#;
-    let (_, xyz) = metric(&config("{}"), agreeing, &[0.3, 0.7, 0.8]);
+    let joined = r#"{"lengthscale_m": 0.01, "outputscale": 2, "kernel_input": "xyz_embedding"}"#;
+    let (_, xyz) = metric(&config(WIDE), agreeing, &[0.3, 0.7, 0.8]);
     let (_, same) = metric(&config(joined), agreeing, &[0.3, 0.7, 0.8]);
     for (a, b) in xyz.iter().zip(&same) {
         assert!((a - b).abs() < 1e-12);
