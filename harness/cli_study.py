@@ -86,7 +86,7 @@ def _about(found: Comparison) -> str:
 @commands.command(
     epilog=(
         "[bold]Examples[/bold]\n\n"
-        "All models, as the defaults were chosen:  [cyan]harness tune[/cyan]\n\n"
+        "All models:  [cyan]harness tune[/cyan]\n\n"
         "One model under other settings:  "
         "[cyan]harness tune --model metric --config embedding.toml[/cyan]\n\n"
         "WORK/tuned.toml holds the chosen keys; WORK/tune.json every trial and each parameter's "

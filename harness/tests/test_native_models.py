@@ -80,20 +80,49 @@ def test_every_model_answers_in_the_same_form(model: str) -> None:
         assert predictions.ood is None
 
 
-def test_the_network_alone_is_the_prior_of_metric() -> None:
-    network, metric = classified("network"), classified("metric")
+def before_a_cylinder(radius_m: np.ndarray, *, seed: int) -> np.ndarray:
+    """Points (n, 3) in front of an upright axis, 0 to 9 cm above the table."""
+    rng = np.random.default_rng(seed)
+    angle, height_m = rng.uniform(-1.4, 1.4, len(radius_m)), rng.uniform(0, 0.09, len(radius_m))
+    return np.stack([radius_m * np.cos(angle), radius_m * np.sin(angle), height_m], axis=1)
+
+
+def test_the_network_alone_is_the_prior_of_metric_unless_it_is_divided() -> None:
+    observed = before_a_cylinder(np.full(1000, 0.04), seed=0)
+    free = before_a_cylinder(np.linspace(0.05, 0.07, 1000), seed=1)
+    points = before_a_cylinder(np.linspace(0.042, 0.05, 200), seed=2)
+    training = TrainingSet(
+        np.concatenate([observed, free]),
+        np.repeat(np.array([CLASS_NAMES.index("mug"), 0], dtype=np.uint8), 1000),
+        viewpoint_world=np.array([0.4, 0.0, 0.3]),
+    )
+    network = mapped().classify(1, training, points, model="network")
+    alone = mapped(metric={"parts": 1}).classify(1, training, points, model="metric")
+    metric = mapped().classify(1, training, points, model="metric")
     assert network.prior_probability is not None
     assert metric.prior_probability is not None
+    assert alone.prior_probability is not None
     assert (network.probabilities[:, 1] == network.prior_probability).all()
-    assert (metric.prior_probability == network.prior_probability).all()
-    assert metric.class_names == network.class_names
-    # Metres away, no training point corrects the network: its odds are shrunk by the variance.
-    assert metric.classes[-1] == network.classes[-1] == 0
+    assert (alone.prior_probability == network.prior_probability).all()
+    # 1,000 points of a kind make two parts. Where the network is unsure, two looks differ from one.
+    unsure = np.abs(network.prior_probability - 0.5) < 0.45
+    assert unsure.sum() > 20
+    assert (metric.prior_probability[unsure] != network.prior_probability[unsure]).all()
 
 
-def test_a_gate_is_a_weight() -> None:
-    gate = classified("metric", metric={"gate": True}).gate
-    assert 0 <= gate <= 1
+def test_the_gate_falls_back_to_classic_where_the_prior_is_absurd() -> None:
+    sound = classified("metric", metric={"gate": True})
+    assert sound.gate is not None
+    assert 0 <= sound.gate <= 1
+    # As if the table stood a metre under the floor.
+    absurd = classified("metric", metric={"gate": True, "table_height_m": -1.0})
+    classic = classified("classic")
+    assert absurd.gate is not None
+    assert absurd.gate < 1e-6
+    assert np.allclose(absurd.probabilities, classic.probabilities, atol=1e-6)
+    assert (absurd.variance == classic.variance).all()
+    for name, own in classic.hyperparameters.items():
+        assert absurd.hyperparameters[name].lengthscale_m == own.lengthscale_m
 
 
 def test_recalibration_changes_the_confidence_and_nothing_else() -> None:

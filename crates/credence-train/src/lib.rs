@@ -1,10 +1,12 @@
 //! Training of the networks: data, loops, command line.
 
 pub mod cli;
+mod command;
 pub mod data;
 mod error;
 pub mod metric;
 pub mod query;
 pub mod run;
 
+pub use command::RunArgs;
 pub use error::TrainError;

@@ -1,13 +1,13 @@
 //! Scenes on disk and in memory.
 
 use std::{
-    fs::{self, File},
-    io::{self, Write as _},
+    fs, io,
     ops::Range,
     path::Path,
     sync::atomic::{AtomicUsize, Ordering},
 };
 
+use credence_nn::weights::write_file;
 use rayon::prelude::*;
 
 use super::{
@@ -69,7 +69,10 @@ impl SceneCache {
         seed: u64,
         progress: &(dyn Fn(usize) + Sync),
     ) -> Result<Self, TrainError> {
-        fs::create_dir_all(folder).map_err(|source| write_error(folder, source))?;
+        fs::create_dir_all(folder).map_err(|source| TrainError::Write {
+            path: folder.to_path_buf(),
+            source,
+        })?;
         let mut shards = Vec::new();
         for (number, first) in (0..count).step_by(per_shard).enumerate() {
             let header = Header {
@@ -219,31 +222,9 @@ fn generate(
         bytes.extend(scene);
     }
     bytes.extend(checksum(&bytes));
-    write(path, &bytes).map_err(|source| write_error(path, source))?;
+    write_file(path, &bytes)?;
     Shard::new(bytes, header.count).ok_or(TrainError::SceneIndex {
         index: header.first,
         count: header.count,
     })
-}
-
-/// Puts a file under its name only when all of it is on the disk.
-fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let unfinished = path.with_extension(format!("tmp-{}", std::process::id()));
-    let written = File::create(&unfinished).and_then(|mut file| {
-        file.write_all(bytes)?;
-        file.sync_all()
-    });
-    let renamed = written.and_then(|()| fs::rename(&unfinished, path));
-    if renamed.is_err() {
-        // The error that counts is the first one.
-        drop(fs::remove_file(&unfinished));
-    }
-    renamed
-}
-
-fn write_error(path: &Path, source: io::Error) -> TrainError {
-    TrainError::Write {
-        path: path.to_path_buf(),
-        source,
-    }
 }

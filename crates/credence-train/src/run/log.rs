@@ -19,10 +19,16 @@ pub(super) struct Log {
 
 impl Log {
     /// Opens the file, keeping the header and the whole rows up to a step.
+    ///
+    /// # Errors
+    /// Rows of a run that is resumed which cannot be read; a file that cannot be written.
     pub(super) fn resume(path: PathBuf, columns: &[&str], step: u64) -> Result<Self, TrainError> {
         let mut text = format!("step,{}\n", columns.join(","));
         if step > 0 {
-            let old = fs::read_to_string(&path).unwrap_or_default();
+            let old = fs::read_to_string(&path).map_err(|source| TrainError::Read {
+                path: path.clone(),
+                source,
+            })?;
             for line in old.split_inclusive('\n').skip(1) {
                 let at = line
                     .split(',')
