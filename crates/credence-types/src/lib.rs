@@ -2,7 +2,8 @@
 //!
 //! A [`Frame`] is one RGB-D view: colour, depth, [`Intrinsics`] and the camera's [`Pose`] in the
 //! world. A segmenter finds [`Instance`]s in it. The map accumulates their points as
-//! [`PointCloud`]s and its occupancy as an [`OccupancyTree`]. A classifier gives every test point
+//! [`PointCloud`]s and its occupancy as an [`OccupancyTree`]. A completer adds the parts that nobody
+//! saw as [`Completion`]s. A classifier gives every test point
 //! a [`Prediction`], which is judged against a [`TriMesh`].
 //!
 //! Random draws come from a [`stream`] per seed and purpose.
@@ -12,6 +13,7 @@
 
 mod category;
 mod cloud;
+mod completion;
 mod error;
 mod frame;
 mod instance;
@@ -24,6 +26,7 @@ mod random;
 
 pub use category::{CLASS_COUNT, Category, FREE_CLASS};
 pub use cloud::PointCloud;
+pub use completion::Completion;
 pub use error::InvalidInput;
 pub use frame::{Frame, FrameTruth};
 pub use instance::Instance;

@@ -1,0 +1,29 @@
+use credence_nn::NnError;
+use credence_types::InvalidInput;
+use thiserror::Error;
+
+/// What shape completion refuses. The message names the value and the remedy.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum CompleteError {
+    /// A number of masks or a size of masks that does not fit the frame, or points that are not.
+    #[error(transparent)]
+    Input(#[from] InvalidInput),
+    /// Weights that cannot be read, or a failed neighbour search.
+    #[error(transparent)]
+    Network(#[from] NnError),
+    /// Values that a device did not hand back.
+    #[error("the network's output cannot be read: {why}")]
+    Output {
+        /// What the device says.
+        why: String,
+    },
+    /// A completer from outside that failed or broke its protocol.
+    #[error("the completer {name} {why}")]
+    Foreign {
+        /// Its name.
+        name: String,
+        /// What it did, and the remedy.
+        why: String,
+    },
+}

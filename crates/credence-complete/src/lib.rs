@@ -1,0 +1,10 @@
+//! Shape completion: from what a frame shows of an object to its whole surface.
+//!
+//! A [`Completer`] gives every segmented instance of a frame a completion, points on the
+//! surface, seen and unseen, with a spread each, or says why it has none.
+
+mod completer;
+mod error;
+
+pub use completer::{Completer, Uncompleted};
+pub use error::CompleteError;
