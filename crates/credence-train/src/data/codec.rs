@@ -1,8 +1,8 @@
 //! A scene as bytes: fixed-point numbers of 16 bits, little-endian.
 //!
-//! Category (u8), number of object, neighbour, free and query points (u16 each), viewpoint
-//! (3 f32), then the points, three u16 each, in that order, the neighbours' categories (u8) and the
-//! queries' distances (u16).
+//! Category (u8), number of object, neighbour, free, query and surrounding points (u16 each),
+//! viewpoint (3 f32), then the points, three u16 each, in that order, the surface's points nearest to
+//! the last two kinds, the neighbours' categories (u8) and the queries' distances (u16).
 
 use credence_types::Category;
 
@@ -12,7 +12,7 @@ use super::Scene;
 const STEP_M: f32 = 5e-5;
 /// Code of coordinate 0; the range is -1.6 m to 1.6 m.
 const ZERO: f32 = 32768.0;
-const HEADER_BYTES: usize = 1 + 4 * 2 + 3 * 4;
+const HEADER_BYTES: usize = 1 + 5 * 2 + 3 * 4;
 
 /// Appends a scene, its coordinates rounded and cut to the range.
 pub(super) fn encode(scene: &Scene, bytes: &mut Vec<u8>) {
@@ -24,10 +24,18 @@ pub(super) fn encode(scene: &Scene, bytes: &mut Vec<u8>) {
         viewpoint,
         queries,
         distances_m,
+        surroundings,
+        nearest,
     } = scene;
     bytes.push(category.class());
-    for count in [object.len(), neighbours.len(), free.len(), queries.len()] {
-        bytes.extend((count as u16).to_le_bytes());
+    for points in [
+        object.len(),
+        neighbours.len(),
+        free.len(),
+        queries.len(),
+        surroundings.len(),
+    ] {
+        bytes.extend((points as u16).to_le_bytes());
     }
     bytes.extend(viewpoint.iter().flat_map(|c| c.to_le_bytes()));
     let neighbour_points = neighbours.iter().map(|(point, _)| point);
@@ -35,7 +43,9 @@ pub(super) fn encode(scene: &Scene, bytes: &mut Vec<u8>) {
         .iter()
         .chain(neighbour_points)
         .chain(free)
-        .chain(queries);
+        .chain(queries)
+        .chain(surroundings)
+        .chain(nearest);
     let coordinates = points.flatten().map(|c| c / STEP_M + ZERO);
     // `as` saturates.
     bytes.extend(coordinates.flat_map(|c| (c.round() as u16).to_le_bytes()));
@@ -48,11 +58,12 @@ pub(super) fn encode(scene: &Scene, bytes: &mut Vec<u8>) {
 pub(super) fn decode(bytes: &[u8]) -> Option<Scene> {
     let (header, mut rest) = bytes.split_at_checked(HEADER_BYTES)?;
     let category = Category::from_class(header[0])?;
-    let [object, neighbours, free, queries] =
-        [1, 3, 5, 7].map(|at| usize::from(u16::from_le_bytes([header[at], header[at + 1]])));
+    let [object, neighbours, free, queries, surroundings] =
+        [1, 3, 5, 7, 9].map(|at| usize::from(u16::from_le_bytes([header[at], header[at + 1]])));
     let viewpoint =
-        [9, 13, 17].map(|at| f32::from_le_bytes([0, 1, 2, 3].map(|byte| header[at + byte])));
-    if rest.len() != 6 * (object + neighbours + free + queries) + neighbours + 2 * queries {
+        [11, 15, 19].map(|at| f32::from_le_bytes([0, 1, 2, 3].map(|byte| header[at + byte])));
+    let asked = queries + surroundings;
+    if rest.len() != 6 * (object + neighbours + free + 2 * asked) + neighbours + 2 * queries {
         return None;
     }
     let mut take = |count: usize| {
@@ -64,6 +75,8 @@ pub(super) fn decode(bytes: &[u8]) -> Option<Scene> {
     let neighbour_points = points(take(6 * neighbours));
     let free = points(take(6 * free));
     let query_points = points(take(6 * queries));
+    let surroundings = points(take(6 * surroundings));
+    let nearest = points(take(6 * asked));
     let neighbours = neighbour_points
         .into_iter()
         .zip(take(neighbours))
@@ -82,6 +95,8 @@ pub(super) fn decode(bytes: &[u8]) -> Option<Scene> {
         viewpoint,
         queries: query_points,
         distances_m,
+        surroundings,
+        nearest,
     })
 }
 
@@ -112,23 +127,32 @@ mod tests {
             points(9),
             points(9),
             points(9),
+            points(9),
             class,
         )
-            .prop_map(|(class, object, neighbours, free, queries, other)| {
-                let category = |class| Category::from_class(class).unwrap();
-                Scene {
-                    category: category(class),
-                    neighbours: neighbours
-                        .into_iter()
-                        .map(|p| (p, category(other)))
-                        .collect(),
-                    viewpoint: object.first().copied().unwrap_or_default(),
-                    distances_m: queries.iter().map(|[x, _, _]| x.abs()).collect(),
-                    object,
-                    free,
-                    queries,
-                }
-            })
+            .prop_map(
+                |(class, object, neighbours, free, queries, surroundings, other)| {
+                    let category = |class| Category::from_class(class).unwrap();
+                    Scene {
+                        category: category(class),
+                        neighbours: neighbours
+                            .into_iter()
+                            .map(|p| (p, category(other)))
+                            .collect(),
+                        viewpoint: object.first().copied().unwrap_or_default(),
+                        distances_m: queries.iter().map(|[x, _, _]| x.abs()).collect(),
+                        nearest: queries
+                            .iter()
+                            .chain(&surroundings)
+                            .map(|[x, y, _]| [*y, *x, 0.1])
+                            .collect(),
+                        object,
+                        free,
+                        queries,
+                        surroundings,
+                    }
+                },
+            )
     }
 
     proptest! {
@@ -146,6 +170,8 @@ mod tests {
             prop_assert!(close(&back.object, &scene.object));
             prop_assert!(close(&back.free, &scene.free));
             prop_assert!(close(&back.queries, &scene.queries));
+            prop_assert!(close(&back.surroundings, &scene.surroundings));
+            prop_assert!(close(&back.nearest, &scene.nearest));
             for (back, scene) in back.neighbours.iter().zip(&scene.neighbours) {
                 prop_assert!(close(&[back.0], &[scene.0]) && back.1 == scene.1);
             }
@@ -166,6 +192,7 @@ mod tests {
         fn no_bytes_panic(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
             if let Some(scene) = decode(&bytes) {
                 prop_assert_eq!(scene.queries.len(), scene.distances_m.len());
+                prop_assert_eq!(scene.queries.len() + scene.surroundings.len(), scene.nearest.len());
             }
         }
     }

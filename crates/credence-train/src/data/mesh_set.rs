@@ -209,8 +209,8 @@ impl Mesh {
         a + along * (b - a) + across * (c - a)
     }
 
-    /// Distance from a point to the surface.
-    pub(super) fn distance(&self, point: Vector) -> f64 {
+    /// The surface's point nearest to a point.
+    pub(super) fn nearest(&self, point: Vector) -> Vector {
         let tree = self.tree.get_or_init(|| {
             let bounds: Vec<Aabb> = (0..self.faces.len())
                 .map(|face| self.triangle(face).local_aabb())
@@ -223,7 +223,9 @@ impl Mesh {
                     .project_local_point(point, false),
             )
         });
-        nearest.map_or(f64::INFINITY, |(_, (distance, _))| distance)
+        nearest.map_or(Vector::splat(f64::INFINITY), |(_, (_, projection))| {
+            projection.point
+        })
     }
 }
 

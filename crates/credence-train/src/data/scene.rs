@@ -5,7 +5,7 @@ use rand::{Rng, RngExt as _};
 use super::{
     mesh_set::MeshSet,
     observe::{Observed, observe},
-    queries::{ask, normals},
+    queries::{Query, ask, ask_around, normals},
     stage::{any_category, look, place},
 };
 use crate::TrainError;
@@ -39,6 +39,10 @@ pub struct Scene {
     pub queries: Vec<[f32; 3]>,
     /// Distance of each query from the object's true surface.
     pub distances_m: Vec<f32>,
+    /// 512 more points to ask about, anywhere in the true box padded by 6 cm.
+    pub surroundings: Vec<[f32; 3]>,
+    /// The true surface's points nearest to the queries, then to the surroundings.
+    pub nearest: Vec<[f32; 3]>,
 }
 
 impl Scene {
@@ -79,18 +83,23 @@ impl Scene {
         };
         let shifted = |point: &Vector| narrow(*point + Vector::new(0.0, 0.0, shift));
         let eyes: Vector = views.iter().map(|view| view.camera.eye).sum();
-        let (queries, distances_m) = ask(&placed[0], rng)
-            .into_iter()
-            .map(|(point, distance)| (narrow(point), distance as f32))
-            .unzip();
+        let queries = ask(&placed[0], rng);
+        let around = ask_around(&placed[0], rng);
+        let points = |queries: &[Query]| queries.iter().map(|q| narrow(q.point)).collect();
         Some(Self {
             category,
             object: object.iter().map(shifted).collect(),
             neighbours: neighbours.iter().map(|(p, c)| (shifted(p), *c)).collect(),
             free: free.iter().map(shifted).collect(),
             viewpoint: narrow(eyes / views.len() as f64),
-            queries,
-            distances_m,
+            queries: points(&queries),
+            distances_m: queries.iter().map(|q| q.distance_m() as f32).collect(),
+            surroundings: points(&around),
+            nearest: queries
+                .iter()
+                .chain(&around)
+                .map(|q| narrow(q.nearest))
+                .collect(),
         })
     }
 }

@@ -77,9 +77,9 @@ impl<'a> Placed<'a> {
         Vector::new(cos * x + sin * y, cos * y - sin * x, world.z) / self.scale
     }
 
-    /// Distance of a world point from the surface, metres.
-    pub(super) fn distance_m(&self, world: Vector) -> f64 {
-        self.scale * self.mesh.distance(self.local_point(world))
+    /// The surface's world point nearest to a world point.
+    pub(super) fn nearest(&self, world: Vector) -> Vector {
+        self.world_point(self.mesh.nearest(self.local_point(world)))
     }
 
     /// Radius of the circle about its centre that holds it.

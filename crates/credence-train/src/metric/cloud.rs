@@ -89,6 +89,8 @@ mod tests {
             viewpoint: [0.0; 3],
             queries: Vec::new(),
             distances_m: Vec::new(),
+            surroundings: Vec::new(),
+            nearest: Vec::new(),
         }
     }
 

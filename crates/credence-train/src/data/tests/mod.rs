@@ -180,6 +180,7 @@ fn a_mesh_stands_on_the_table_about_the_axis() {
     near(mesh.half_extents[0], 0.1);
     near(mesh.half_extents[1], 0.05);
     near(mesh.radius, 0.1_f64.hypot(0.05));
-    near(mesh.distance(Vector::new(0.0, 0.0, 0.01)), 0.01);
-    near(mesh.distance(Vector::new(0.13, 0.09, 0.03)), 0.05);
+    let distance = |point: Vector| mesh.nearest(point).distance(point);
+    near(distance(Vector::new(0.0, 0.0, 0.01)), 0.01);
+    near(distance(Vector::new(0.13, 0.09, 0.03)), 0.05);
 }

@@ -8,7 +8,7 @@ use super::{
         Scene,
         camera::Camera,
         observe::{Observed, observe},
-        queries::{QUERIES, ask},
+        queries::{QUERIES, Query, SURROUNDINGS, ask, ask_around},
         sensor::Sensor,
         stage::{Placed, View},
     },
@@ -125,12 +125,16 @@ fn queries_know_their_distance() {
     let (sin, cos) = f64::sin_cos(yaw);
     let mut near = 0;
     let mut in_box = 0;
-    for (point, distance) in queries {
+    for query in &queries {
+        let Query { point, nearest } = *query;
         // By hand: back to the box's own axes.
         let (x, y) = (point.x - centre[0], point.y - centre[1]);
         let own = Vector::new(cos * x + sin * y, cos * y - sin * x, point.z);
         let expected = signed_distance(grown, own).abs();
+        let distance = query.distance_m();
         assert!((distance - expected).abs() < 1e-8, "{distance} {expected}");
+        let on_surface = target.local_point(nearest) * scale;
+        assert!(signed_distance(grown, on_surface).abs() < 1e-8);
         near += usize::from(distance < 0.005);
         let padded = Vector::new(grown[0], grown[1], 0.0) / 2.0 + Vector::splat(0.01);
         let inside = own.x.abs() <= padded.x && own.y.abs() <= padded.y;
@@ -139,6 +143,11 @@ fn queries_know_their_distance() {
     // Of the half about the surface most are near it: sigma 1 and 3 mm nearly all.
     assert!((250..700).contains(&near), "{near}");
     assert!(in_box >= QUERIES / 2);
+    let around = ask_around(&target, &mut stream(1, "test"));
+    assert_eq!(around.len(), SURROUNDINGS);
+    let farthest = around.iter().map(Query::distance_m).fold(0.0, f64::max);
+    // The padded box's upper corners are farthest: 6 cm along each of three axes.
+    assert!((0.08..0.104).contains(&farthest), "{farthest}");
 }
 
 #[test]
@@ -164,6 +173,7 @@ fn scenes_are_whole_and_of_every_kind() {
         assert!(scene.neighbours.len() <= 1024);
         assert_eq!(scene.queries.len(), 1024);
         assert_eq!(scene.distances_m.len(), 1024);
+        assert_eq!((scene.surroundings.len(), scene.nearest.len()), (512, 1536));
         let lowest = scene
             .free
             .iter()
