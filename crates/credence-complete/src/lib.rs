@@ -5,6 +5,10 @@
 
 mod completer;
 mod error;
+mod even;
+mod observed;
 
 pub use completer::{Completer, Uncompleted};
 pub use error::CompleteError;
+pub use even::even_order;
+pub use observed::observed_points;
