@@ -7,11 +7,9 @@
 //! [`MetricEmbedder`] is the seed's: it gives the points of a cloud itself their directions.
 
 mod error;
-mod frame;
 pub mod metric;
 pub mod query;
 
 pub use error::EmbedError;
-pub use frame::ObjectFrame;
 pub use metric::MetricEmbedder;
 pub use query::{Observation, QueryEmbedder, QueryEmbedding};

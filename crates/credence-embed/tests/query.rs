@@ -143,7 +143,7 @@ fn what_cannot_be_embedded_has_its_message() {
     let nan = Point::new(0.0, f64::NAN, 0.0);
     assert_eq!(
         message(|seen| seen.object.clear(), &here),
-        "the observation has no object points; embed an object only once it has been seen"
+        "the observation has no object points; ask about an object only once it has been seen"
     );
     assert!(message(|seen| seen.free.clear(), &here).contains("no free points; sample them"));
     assert!(message(|_| (), &[here[0], nan]).starts_with("queries[1] is not finite"));

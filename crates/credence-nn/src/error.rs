@@ -47,6 +47,30 @@ pub enum NnError {
         /// Points there are.
         rows: usize,
     },
+    /// An observation that lacks one of its two clouds.
+    #[error("the observation has no {name} points; {remedy}")]
+    NoPoints {
+        /// Which cloud.
+        name: &'static str,
+        /// Where such points come from.
+        remedy: &'static str,
+    },
+    /// Nothing to ask a network about.
+    #[error("the batch has no observations; pass at least one")]
+    EmptyBatch,
+    /// Observations that a network cannot be asked about together.
+    #[error(
+        "observation {index} has {found} queries, the first one has {expected}; a batch needs the \
+         same number everywhere"
+    )]
+    RaggedBatch {
+        /// Position in the batch.
+        index: usize,
+        /// Its queries.
+        found: usize,
+        /// Queries of the first observation.
+        expected: usize,
+    },
     /// A file that could not be read.
     #[error(
         "cannot read {}: {source}; check the path, or train the network again with \

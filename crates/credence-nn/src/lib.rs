@@ -3,6 +3,7 @@
 //! Nothing here knows what the networks are for. Tensors are burn's; the device is a run-time
 //! value, and a device with `autodiff()` makes the same code trainable.
 
+pub mod conv;
 pub mod edge_conv;
 mod error;
 pub mod knn;
@@ -11,6 +12,7 @@ pub mod loss;
 mod mlp;
 mod parameters;
 mod provenance;
+pub mod query;
 mod row_norm;
 mod strongest;
 pub mod weights;

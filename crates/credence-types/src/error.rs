@@ -110,6 +110,15 @@ pub enum InvalidInput {
         /// Row of the array.
         index: usize,
     },
+    /// An object of which no point was seen.
+    #[error("the observation has no object points; ask about an object only once it has been seen")]
+    UnseenObject,
+    /// A table height that is no number.
+    #[error("table_height_m is {value}; give the table's height in world metres")]
+    TableHeight {
+        /// The offending value.
+        value: f64,
+    },
     /// A flat occupancy tree that is not one.
     #[error("node {index} of the occupancy tree {why}; export the tree again from its map")]
     Tree {

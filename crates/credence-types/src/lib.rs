@@ -6,7 +6,7 @@
 //! saw as [`Completion`]s. A classifier gives every test point
 //! a [`Prediction`], which is judged against a [`TriMesh`].
 //!
-//! Random draws come from a [`stream`] per seed and purpose.
+//! An object is seen in its [`ObjectFrame`]. Random draws come from a [`stream`] per seed and purpose.
 //!
 //! Units are metres and radians. The world's z axis points up; camera axes follow `OpenCV` (x
 //! right, y down, z forward). The centre of the first pixel is (0, 0).
@@ -19,6 +19,7 @@ mod frame;
 mod instance;
 mod intrinsics;
 mod mesh;
+mod object_frame;
 mod occupancy;
 mod pose;
 mod prediction;
@@ -32,10 +33,11 @@ pub use frame::{Frame, FrameTruth};
 pub use instance::Instance;
 pub use intrinsics::Intrinsics;
 pub use mesh::TriMesh;
+pub use object_frame::{ObjectFrame, all_finite};
 pub use occupancy::{OccupancyNode, OccupancyTree};
 pub use pose::Pose;
 pub use prediction::{Prediction, Predictions};
-pub use random::stream;
+pub use random::{stream, thinned};
 
 /// A point in metres; which frame it is in stands in the name of the variable that holds it.
 pub type Point = nalgebra::Point3<f64>;

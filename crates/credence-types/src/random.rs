@@ -1,4 +1,9 @@
+use std::cmp::Ordering;
+
+use rand::seq::SliceRandom as _;
 use rand_chacha::{ChaCha20Rng, rand_core::SeedableRng as _};
+
+use crate::Point;
 
 /// A random stream of its own per seed and purpose, so that no draw shifts another's.
 ///
@@ -18,6 +23,18 @@ pub fn stream(seed: u64, purpose: &str) -> ChaCha20Rng {
     rng
 }
 
+/// At most `most` of the points, in an order that is random, by the purpose, but does not depend on
+/// theirs.
+pub fn thinned(points: &[Point], most: usize, purpose: &str) -> Vec<Point> {
+    let mut points = points.to_vec();
+    points.sort_unstable_by(|a, b| {
+        let by_axis = (0..3).map(|axis| a[axis].total_cmp(&b[axis]));
+        by_axis.fold(Ordering::Equal, Ordering::then)
+    });
+    let (chosen, _) = points.partial_shuffle(&mut stream(0, purpose), most);
+    chosen.to_vec()
+}
+
 /// The 64-bit FNV-1a hash (Fowler, Noll and Vo): the same on every machine and version.
 fn fnv_1a(text: &str) -> u64 {
     text.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
@@ -27,6 +44,7 @@ fn fnv_1a(text: &str) -> u64 {
 
 #[cfg(test)]
 mod tests {
+    use rand::seq::SliceRandom as _;
     use rand_chacha::rand_core::Rng as _;
 
     use super::*;

@@ -1,6 +1,6 @@
 use burn::tensor::{Device, Tensor, TensorData};
 use credence_nn::{NnError, edge_conv::NeighbourGraph};
-use credence_types::{Point, stream};
+use credence_types::{Point, all_finite, stream};
 use rand::seq::SliceRandom as _;
 
 use crate::EmbedError;
@@ -81,15 +81,7 @@ impl CloudBatch {
 ///
 /// When a coordinate is not finite.
 pub fn centred(points: &[Point]) -> Result<Vec<[f32; 3]>, EmbedError> {
-    if let Some(index) = points
-        .iter()
-        .position(|p| !p.iter().all(|coordinate| coordinate.is_finite()))
-    {
-        return Err(EmbedError::NonFinitePoint {
-            name: "points",
-            index,
-        });
-    }
+    all_finite("points", points)?;
     let share = 1.0 / points.len() as f64;
     let mut mean = Point::origin();
     for point in points {

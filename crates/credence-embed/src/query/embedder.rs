@@ -1,16 +1,15 @@
 use std::path::Path;
 
 use burn::tensor::{Device, Tensor};
-use credence_nn::weights;
-use credence_types::{Point, stream};
-use rand::{Rng, seq::SliceRandom as _};
+use credence_nn::{
+    query::{Batch, QueryTensors, REACH, Sample, Support, Widths},
+    weights,
+};
+use credence_types::{ObjectFrame, Point, all_finite, thinned};
 use rayon::prelude::*;
 
-use super::{
-    Batch, CATEGORIES, Observation, QueryNetwork, Sample, Support, Widths, batch::QueryTensors,
-    support::REACH,
-};
-use crate::{EmbedError, ObjectFrame, frame::finite};
+use super::{CATEGORIES, Observation, QueryNetwork};
+use crate::EmbedError;
 
 /// The weights that come with the crate.
 const WEIGHTS: &[u8] = include_bytes!("../../../../assets/weights/query.safetensors");
@@ -95,14 +94,14 @@ impl QueryEmbedder {
         observation: &Observation,
         queries: &[Point],
     ) -> Result<Vec<QueryEmbedding>, EmbedError> {
-        finite("object", &observation.object)?;
-        finite("free", &observation.free)?;
-        finite("queries", queries)?;
-        let object = thinned("object", &observation.object);
+        all_finite("object", &observation.object)?;
+        all_finite("free", &observation.free)?;
+        all_finite("queries", queries)?;
+        let object = thinned(&observation.object, MOST, "embed/query/object");
         let viewpoint = observation.viewpoint;
         let frame = ObjectFrame::new(&object, viewpoint, observation.table_height_m)?;
         let to_frame = |point: &Point| frame.locate(point).map(narrow);
-        let free = thinned("free", &observation.free);
+        let free = thinned(&observation.free, MOST, "embed/query/free");
         let support = Support::new(
             object.iter().map(to_frame).collect(),
             free.iter().map(to_frame).collect(),
@@ -135,23 +134,6 @@ fn answer(logit: f32, direction: &[f32], query: [f32; 3]) -> QueryEmbedding {
         logit: if far { FAR_LOGIT } else { f64::from(logit) },
         direction: [0, 1, 2].map(|axis| f64::from(direction[axis])),
     }
-}
-
-/// At most [`MOST`] of the points, in an order that is random but does not depend on theirs.
-fn thinned(name: &str, points: &[Point]) -> Vec<Point> {
-    let mut points = points.to_vec();
-    let order = |a: &Point, b: &Point| {
-        let by_axis = (0..3).map(|axis| a[axis].total_cmp(&b[axis]));
-        by_axis.fold(std::cmp::Ordering::Equal, std::cmp::Ordering::then)
-    };
-    points.par_sort_unstable_by(order);
-    let rng = &mut stream(0, &format!("embed/query/{name}"));
-    shuffled(points, rng)
-}
-
-fn shuffled(mut points: Vec<Point>, rng: &mut impl Rng) -> Vec<Point> {
-    let (chosen, _) = points.partial_shuffle(rng, MOST);
-    chosen.to_vec()
 }
 
 fn read<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, EmbedError> {

@@ -1,16 +1,10 @@
 use burn::{
     module::{Module, Param},
     nn::{Linear, LinearConfig},
-    tensor::{Device, Int, Tensor, TensorData, activation::relu},
+    tensor::{Device, Tensor, TensorData},
 };
-use credence_nn::{Mlp, ResidualMlp, strongest_rows};
+use credence_nn::query::{Batch, QueryTensors, QueryTrunk, Widths};
 use credence_types::Category;
-
-use super::{
-    Batch, SUBSET_OBJECT,
-    batch::{EDGE, PLACE, QueryTensors},
-    support::{NEAR_FREE, NEAR_OBJECT},
-};
 
 /// Number of categories that the directions tell apart.
 pub const CATEGORIES: usize = Category::ALL.len();
@@ -29,38 +23,10 @@ const FIRST_ANCHORS: [[f32; 3]; CATEGORIES] = [
 /// Norms are kept above this, so that a zero vector has a direction with a gradient.
 const SMALL: f64 = 1e-6;
 
-/// Widths of the layers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Widths {
-    /// Of a support point's and an edge's code.
-    pub point: usize,
-    /// Of the observation's code and of the decoder.
-    pub code: usize,
-}
-
-impl Default for Widths {
-    fn default() -> Self {
-        Self {
-            point: 64,
-            code: 128,
-        }
-    }
-}
-
-/// The network: an encoder of the observed cloud, edges from a query to its nearest support
-/// points, and a decoder of both.
+/// The network: a trunk and what it is asked for, a logit and a direction.
 #[derive(Module, Debug)]
 pub struct QueryNetwork {
-    point: Mlp,
-    cloud: Mlp,
-    code: Mlp,
-    edge_point: Linear,
-    edge_offset: Linear,
-    edge: Linear,
-    from_code: Linear,
-    from_query: Linear,
-    first: ResidualMlp,
-    second: ResidualMlp,
+    trunk: QueryTrunk,
     output: Linear,
     class_head: Linear,
     anchors: Param<Tensor<2>>,
@@ -69,10 +35,7 @@ pub struct QueryNetwork {
 /// What the network knows of observations before it is asked about a point.
 #[derive(Debug, Clone)]
 pub struct Encoded {
-    /// Code of each observation, already in the decoder's first layer (observations, code).
-    code: Tensor<2>,
-    /// Code of each support point, already in the edges' first layer (points, point).
-    points: Tensor<2>,
+    trunk: credence_nn::query::Encoded,
     /// Logits of each observation's category (observations, categories).
     pub class_logits: Tensor<2>,
 }
@@ -89,28 +52,19 @@ pub struct Decoded {
 impl QueryNetwork {
     /// A network with untrained weights.
     pub fn new(widths: Widths, device: &Device) -> Self {
-        let Widths { point, code } = widths;
-        let bare = |inputs, outputs| {
-            LinearConfig::new(inputs, outputs)
-                .with_bias(false)
-                .init(device)
-        };
+        let code = widths.code;
         let anchors = TensorData::new(FIRST_ANCHORS.concat(), [CATEGORIES, 3]);
         Self {
-            point: Mlp::new([4, point, point], device),
-            cloud: Mlp::new([point, code, code], device),
-            code: Mlp::new([2 * code, code, code], device),
-            edge_point: LinearConfig::new(point, point).init(device),
-            edge_offset: bare(EDGE, point),
-            edge: LinearConfig::new(point, point).init(device),
-            from_code: bare(code, code),
-            from_query: LinearConfig::new(4 * point + PLACE, code).init(device),
-            first: ResidualMlp::new(code, device),
-            second: ResidualMlp::new(code, device),
+            trunk: QueryTrunk::new(widths, device),
             output: LinearConfig::new(code, 4).init(device),
             class_head: LinearConfig::new(code, CATEGORIES).init(device),
             anchors: Param::from_tensor(Tensor::from_data(anchors, device)),
         }
+    }
+
+    /// The trunk, for a network of another purpose to start from.
+    pub fn into_trunk(self) -> QueryTrunk {
+        self.trunk
     }
 
     /// Unit vectors of the categories, in their order (categories, 3).
@@ -121,82 +75,30 @@ impl QueryNetwork {
     /// Encodes the observations and answers their queries.
     pub fn forward(&self, batch: &Batch) -> (Encoded, Decoded) {
         let encoded = self.encode(batch);
-        let decoded = self.decode(&encoded, &batch.queries);
+        let decoded = self.decode(&encoded, batch.queries());
         (encoded, decoded)
     }
 
     /// The observations' codes.
     pub(crate) fn encode(&self, batch: &Batch) -> Encoded {
-        let points = relu(self.point.forward(batch.points.clone()));
-        let subset = points.clone().select(0, batch.subset.clone());
-        let cloud = self.cloud.forward(subset);
-        let [rows, width] = cloud.dims();
-        let observations = batch.queries.observations;
-        let split = observations * SUBSET_OBJECT;
-        let part = |from: usize, to: usize| cloud.clone().slice([from..to, 0..width]);
-        let object = highest(part(0, split), observations);
-        let free = highest(part(split, rows), observations);
-        let code = self.code.forward(Tensor::cat(vec![object, free], 1));
+        let trunk = self.trunk.encode(batch);
         Encoded {
-            class_logits: self.class_head.forward(code.clone()),
-            code: self.from_code.forward(code),
-            points: self.edge_point.forward(points),
+            class_logits: self.class_head.forward(trunk.code.clone()),
+            trunk,
         }
     }
 
     /// The answers to queries of encoded observations.
     pub(crate) fn decode(&self, encoded: &Encoded, queries: &QueryTensors) -> Decoded {
-        let (observations, count) = (queries.observations, queries.count);
-        let total = observations * count;
-        let mut features = self.edges(&encoded.points, &queries.edges, &queries.rows, total);
-        features.push(queries.places.clone());
-        let own = self.from_query.forward(Tensor::cat(features, 1));
-        let width = own.dims()[1];
-        let shared = encoded.code.clone().reshape([observations, 1, width]);
-        let hidden = (own.reshape([observations, count, width]) + shared).reshape([total, width]);
-        let hidden = self.second.forward(self.first.forward(hidden));
-        let output = self.output.forward(relu(hidden));
+        let output = self
+            .output
+            .forward(self.trunk.decode(&encoded.trunk, queries));
+        let total = output.dims()[0];
         Decoded {
             logits: output.clone().slice([0..total, 0..1]).reshape([total]),
             directions: unit(output.slice([0..total, 1..4])),
         }
     }
-
-    /// The pooled codes of each query's edges.
-    ///
-    /// The first layer, W [offset, distance, code], is the sum of a part of the edge and a part of
-    /// the neighbour, and the latter is worked out once per neighbour.
-    fn edges(
-        &self,
-        points: &Tensor<2>,
-        edges: &Tensor<2>,
-        rows: &Tensor<1, Int>,
-        total: usize,
-    ) -> Vec<Tensor<2>> {
-        let neighbours = points.clone().select(0, rows.clone());
-        let codes = self
-            .edge
-            .forward(relu(neighbours + self.edge_offset.forward(edges.clone())));
-        let [all, width] = codes.dims();
-        let split = total * NEAR_OBJECT;
-        let mut pooled = Vec::with_capacity(5);
-        for (from, to, near) in [(0, split, NEAR_OBJECT), (split, all, NEAR_FREE)] {
-            let part = codes.clone().slice([from..to, 0..width]);
-            let mean = part.clone().reshape([total, near, width]).mean_dim(1);
-            pooled.push(highest(part, total));
-            pooled.push(mean.reshape([total, width]));
-        }
-        pooled
-    }
-}
-
-/// The highest value of each column in each of `groups` equal runs of rows.
-///
-/// The rows are looked for outside autodiff, and only their values are taken inside.
-fn highest(rows: Tensor<2>, groups: usize) -> Tensor<2> {
-    let width = rows.dims()[1];
-    let winners = strongest_rows(rows.clone(), groups).reshape([groups, width]);
-    rows.gather(0, winners)
 }
 
 /// Rows of unit length.

@@ -1,8 +1,8 @@
 use credence_embed::{
-    EmbedError, ObjectFrame,
+    EmbedError,
     query::{Sample, Support},
 };
-use credence_types::Point;
+use credence_types::{ObjectFrame, Point};
 use rand::{Rng, RngExt as _, seq::SliceRandom as _};
 
 use crate::data::Scene;

@@ -1,6 +1,4 @@
-use credence_types::Point;
-
-use crate::EmbedError;
+use crate::{InvalidInput, Point};
 
 /// Metres per unit of the frame: a cup is about one unit wide.
 const UNIT_M: f64 = 0.1;
@@ -30,19 +28,16 @@ impl ObjectFrame {
         object_points_world: &[Point],
         viewpoint_world: Point,
         table_height_m: f64,
-    ) -> Result<Self, EmbedError> {
-        finite("object", object_points_world)?;
-        finite("viewpoint", &[viewpoint_world])?;
+    ) -> Result<Self, InvalidInput> {
+        all_finite("object", object_points_world)?;
+        all_finite("viewpoint", &[viewpoint_world])?;
         if !table_height_m.is_finite() {
-            return Err(EmbedError::TableHeight {
+            return Err(InvalidInput::TableHeight {
                 value: table_height_m,
             });
         }
         if object_points_world.is_empty() {
-            return Err(EmbedError::NoPoints {
-                name: "object",
-                remedy: "embed an object only once it has been seen",
-            });
+            return Err(InvalidInput::UnseenObject);
         }
         let count = object_points_world.len() as f64;
         // Each divided before the sum, which could overflow otherwise.
@@ -90,10 +85,13 @@ fn yawed_y(cos: f64, sin: f64, point: &Point) -> f64 {
 }
 
 /// Refuses points with coordinates that are no numbers.
-pub(crate) fn finite(name: &'static str, points: &[Point]) -> Result<(), EmbedError> {
+///
+/// # Errors
+/// Names the first such point.
+pub fn all_finite(name: &'static str, points: &[Point]) -> Result<(), InvalidInput> {
     let bad = |point: &Point| point.iter().any(|c| !c.is_finite());
     match points.iter().position(bad) {
-        Some(index) => Err(EmbedError::NonFinitePoint { name, index }),
+        Some(index) => Err(InvalidInput::NonFinitePoint { name, index }),
         None => Ok(()),
     }
 }

@@ -4,16 +4,16 @@ use super::{
     SUBSET_FREE, SUBSET_OBJECT, Support,
     support::{NEAR_FREE, NEAR_OBJECT, Near, within_reach},
 };
-use crate::EmbedError;
+use crate::NnError;
 
 /// Frequencies of the positional features, radians per unit.
 const FREQUENCIES: [f32; 3] = [3.0, 6.0, 12.0];
 
 /// Features of a query that need no neighbours' codes: place, distances, sines and cosines.
-pub(crate) const PLACE: usize = 3 + 2 + 2 * 3 * FREQUENCIES.len();
+pub(super) const PLACE: usize = 3 + 2 + 2 * 3 * FREQUENCIES.len();
 
 /// Numbers that describe an edge from a query to a neighbour: offset and distance.
-pub(crate) const EDGE: usize = 4;
+pub(super) const EDGE: usize = 4;
 
 /// Units of an edge's numbers per unit of the frame: neighbours are millimetres away.
 const EDGE_SCALE: f32 = 10.0;
@@ -43,7 +43,7 @@ impl Sample {
     ///
     /// # Errors
     /// A query that is not finite.
-    pub fn new(support: &Support, queries: &[[f32; 3]]) -> Result<Self, EmbedError> {
+    pub fn new(support: &Support, queries: &[[f32; 3]]) -> Result<Self, NnError> {
         Ok(Self {
             points: support.rows().collect(),
             object_subset: support.object_subset().collect(),
@@ -54,7 +54,7 @@ impl Sample {
 }
 
 impl Queries {
-    fn new(support: &Support, queries: &[[f32; 3]]) -> Result<Self, EmbedError> {
+    fn new(support: &Support, queries: &[[f32; 3]]) -> Result<Self, NnError> {
         let queries: Vec<[f32; 3]> = queries.iter().map(|q| within_reach(*q)).collect();
         let [object, free] = support.near(&queries)?;
         let (object_edges, object_rows) = edges(&object, &queries);
@@ -115,21 +115,21 @@ fn place(query: [f32; 3], to_object: f32, to_free: f32) -> [f32; PLACE] {
 /// that each observation may have as many support points as it likes.
 #[derive(Debug, Clone)]
 pub struct Batch {
-    pub(crate) points: Tensor<2>,
+    pub(super) points: Tensor<2>,
     /// Rows of `points`: every observation's object subset, then every one's free subset.
-    pub(crate) subset: Tensor<1, Int>,
-    pub(crate) queries: QueryTensors,
+    pub(super) subset: Tensor<1, Int>,
+    pub(super) queries: QueryTensors,
 }
 
 /// The tensors of the queries: every observation's object edges, then every one's free edges.
 #[derive(Debug, Clone)]
-pub(crate) struct QueryTensors {
-    pub(crate) observations: usize,
+pub struct QueryTensors {
+    pub(super) observations: usize,
     /// Queries of each observation.
-    pub(crate) count: usize,
-    pub(crate) edges: Tensor<2>,
-    pub(crate) rows: Tensor<1, Int>,
-    pub(crate) places: Tensor<2>,
+    pub(super) count: usize,
+    pub(super) edges: Tensor<2>,
+    pub(super) rows: Tensor<1, Int>,
+    pub(super) places: Tensor<2>,
 }
 
 impl Batch {
@@ -137,15 +137,15 @@ impl Batch {
     ///
     /// # Errors
     /// No observations, or observations with different numbers of queries.
-    pub fn new(samples: &[Sample], device: &Device) -> Result<Self, EmbedError> {
-        let first = samples.first().ok_or(EmbedError::EmptyBatch)?;
+    pub fn new(samples: &[Sample], device: &Device) -> Result<Self, NnError> {
+        let first = samples.first().ok_or(NnError::EmptyBatch)?;
         let expected = first.queries.places.len();
         let mut first_rows = Vec::with_capacity(samples.len());
         let mut rows = 0;
         for (index, sample) in samples.iter().enumerate() {
             let found = sample.queries.places.len();
             if found != expected {
-                return Err(EmbedError::RaggedBatch {
+                return Err(NnError::RaggedBatch {
                     index,
                     found,
                     expected,
@@ -171,13 +171,19 @@ impl Batch {
     }
 }
 
+impl Batch {
+    /// The queries of all observations.
+    pub const fn queries(&self) -> &QueryTensors {
+        &self.queries
+    }
+}
+
 impl QueryTensors {
     /// Queries of an observation that is encoded on its own.
-    pub(crate) fn of(
-        support: &Support,
-        queries: &[[f32; 3]],
-        device: &Device,
-    ) -> Result<Self, EmbedError> {
+    ///
+    /// # Errors
+    /// A query that is not finite.
+    pub fn of(support: &Support, queries: &[[f32; 3]], device: &Device) -> Result<Self, NnError> {
         let prepared = Queries::new(support, queries)?;
         Ok(Self::new(&[&prepared], &[0], queries.len(), device))
     }

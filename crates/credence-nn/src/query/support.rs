@@ -1,6 +1,4 @@
-use credence_nn::knn::Neighbours;
-
-use crate::EmbedError;
+use crate::{NnError, knn::Neighbours};
 
 /// Object points of the subset that the global code is made from.
 pub const SUBSET_OBJECT: usize = 512;
@@ -9,13 +7,13 @@ pub const SUBSET_OBJECT: usize = 512;
 pub const SUBSET_FREE: usize = 256;
 
 /// Observed object points next to a query that the network looks at.
-pub(crate) const NEAR_OBJECT: usize = 8;
+pub(super) const NEAR_OBJECT: usize = 8;
 
 /// Free points next to a query that the network looks at.
-pub(crate) const NEAR_FREE: usize = 4;
+pub(super) const NEAR_FREE: usize = 4;
 
 /// Units of the frame that coordinates are held within: 1 m from the origin.
-pub(crate) const REACH: f32 = 10.0;
+pub const REACH: f32 = 10.0;
 
 /// An observation's points in the object's frame, ready to be searched.
 pub struct Support {
@@ -33,15 +31,15 @@ impl Support {
     ///
     /// # Errors
     /// No object points, no free points, or a coordinate that is not finite.
-    pub fn new(object: Vec<[f32; 3]>, free: Vec<[f32; 3]>) -> Result<Self, EmbedError> {
+    pub fn new(object: Vec<[f32; 3]>, free: Vec<[f32; 3]>) -> Result<Self, NnError> {
         if object.is_empty() {
-            return Err(EmbedError::NoPoints {
+            return Err(NnError::NoPoints {
                 name: "object",
-                remedy: "embed an object only once it has been seen",
+                remedy: "ask about an object only once it has been seen",
             });
         }
         if free.is_empty() {
-            return Err(EmbedError::NoPoints {
+            return Err(NnError::NoPoints {
                 name: "free",
                 remedy: "sample them where the camera's rays passed around the object",
             });
@@ -57,29 +55,29 @@ impl Support {
     }
 
     /// Points in all, the object's first.
-    pub(crate) fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         self.object.len() + self.free.len()
     }
 
     /// Rows for the network: coordinates and 1 for an object point, 0 for a free one.
-    pub(crate) fn rows(&self) -> impl Iterator<Item = [f32; 4]> {
+    pub(super) fn rows(&self) -> impl Iterator<Item = [f32; 4]> {
         let flagged = |flag: f32| move |&[x, y, z]: &[f32; 3]| [x, y, z, flag];
         let object = self.object.iter().map(flagged(1.0));
         object.chain(self.free.iter().map(flagged(0.0)))
     }
 
     /// Rows of the object's part of the subset, over again where there are fewer points.
-    pub(crate) fn object_subset(&self) -> impl Iterator<Item = usize> {
+    pub(super) fn object_subset(&self) -> impl Iterator<Item = usize> {
         (0..self.object.len()).cycle().take(SUBSET_OBJECT)
     }
 
     /// Rows of the free points' part of the subset.
-    pub(crate) fn free_subset(&self) -> impl Iterator<Item = usize> {
+    pub(super) fn free_subset(&self) -> impl Iterator<Item = usize> {
         (self.object.len()..self.len()).cycle().take(SUBSET_FREE)
     }
 
     /// The nearest object and free points of each query.
-    pub(crate) fn near(&self, queries: &[[f32; 3]]) -> Result<[Near<'_>; 2], EmbedError> {
+    pub(super) fn near(&self, queries: &[[f32; 3]]) -> Result<[Near<'_>; 2], NnError> {
         Ok([
             Near {
                 points: &self.object,
@@ -98,15 +96,15 @@ impl Support {
 }
 
 /// The nearest points of one kind.
-pub(crate) struct Near<'a> {
+pub(super) struct Near<'a> {
     /// All points of the kind.
-    pub(crate) points: &'a [[f32; 3]],
+    pub(super) points: &'a [[f32; 3]],
     /// Row of the first of them among the support's rows.
-    pub(crate) first_row: usize,
+    pub(super) first_row: usize,
     /// Neighbours of a query.
-    pub(crate) count: usize,
+    pub(super) count: usize,
     /// `count` indices into `points` for each query.
-    pub(crate) indices: Vec<u32>,
+    pub(super) indices: Vec<u32>,
 }
 
 /// The points within reach, repeated until there are `count`.
@@ -117,7 +115,7 @@ fn at_least(count: usize, points: Vec<[f32; 3]>) -> Vec<[f32; 3]> {
 }
 
 /// The point itself, or the one in its direction at the reach.
-pub(crate) fn within_reach(point: [f32; 3]) -> [f32; 3] {
+pub(super) fn within_reach(point: [f32; 3]) -> [f32; 3] {
     let norm = point
         .iter()
         .map(|c| f64::from(*c).powi(2))
