@@ -237,7 +237,11 @@ def scene_problem(result: SceneResult, job: SceneJob) -> str | None:
     points: Counter[tuple[str, str, float]] = Counter()
     for row in result.confusion:
         points[row.result()] += row.points
-    stated = {(row.model, row.completion, row.tolerance_m): row.test_points for row in records}
+    stated = {
+        (row.model, row.completion, row.tolerance_m): row.test_points
+        for row in records
+        if row.status == "ok"
+    }
     if points != stated or any(row.scene_id != job.scene_id for row in result.confusion):
         return "the scene function's confusion does not count the test points of its records"
     return None
@@ -299,6 +303,8 @@ def compute_scenes(
                         run.keep(job, result)
                         finished[job.scene_id] = result
                         progress.scene_done(job.scene_id, seconds)
+                        for reason in sorted({r.failure for r in result.records if r.failure}):
+                            progress.note(f"{job.scene_id} is scored in part: {reason}")
                     case SceneFailed(job=job, failure=failure):
                         failures[job.scene_id] = failure
                         progress.scene_failed(job.scene_id, failure)

@@ -26,7 +26,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from harness.errors import InputError
 
 Category = Literal["bottle", "bowl", "camera", "can", "laptop", "mug"]
-TestSet = Literal["box", "perturbed"]
+TestSet = Literal["box", "completed", "perturbed"]
 PositiveFloat = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 PipelineCheck = Callable[[str], str]
 
@@ -108,15 +108,27 @@ class ProtocolSection(Section):
     """
 
     test_sets: tuple[TestSet, ...] = Field(
-        default=("box", "perturbed"),
+        default=("box", "completed"),
         min_length=1,
         strict=False,
         description=(
-            "How test points are drawn: 'box', evenly in the target's true box; 'perturbed', on a "
-            "wrong instance of it, in place of a shape completion."
+            "How test points come about: 'box', evenly in the target's true box; 'completed', on "
+            "the shape that the pipeline's completer makes of it; 'perturbed', on a wrong instance "
+            "of it, in place of a completion."
         ),
     )
-    test_points: int = Field(default=1000, ge=1, description="Test points of each test set.")
+    test_points: int = Field(
+        default=1000,
+        ge=1,
+        description="Test points of each test set; a completion of fewer points gives all it has.",
+    )
+    use_spread: bool = Field(
+        default=True,
+        description=(
+            "Whether the confidence in a completed point holds the completer's own, P(within 5 mm "
+            "of the surface), which follows from the point's spread."
+        ),
+    )
     tolerances_m: tuple[PositiveFloat, ...] = Field(
         default=(0.0025, 0.005, 0.01),
         min_length=1,
@@ -230,7 +242,13 @@ def load_config(
         whole = (check_pipeline or _rust_pipeline_check)(config.pipeline_json())
     except (ValueError, OSError) as error:
         raise InputError(f"{source}: [pipeline] {error}") from None
-    return config.model_copy(update={"pipeline": json.loads(whole)})
+    pipeline = json.loads(whole)
+    if "completed" in config.protocol.test_sets and pipeline.get("completer") == "none":
+        raise InputError(
+            f"{source}: protocol.test_sets has 'completed' but pipeline.completer is 'none'; "
+            "name a completer, or take 'completed' out of the test sets"
+        )
+    return config.model_copy(update={"pipeline": pipeline})
 
 
 def differing_values(*, ours: Config, theirs: Config) -> list[tuple[str, Any, Any]]:

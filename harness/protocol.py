@@ -1,12 +1,13 @@
 """Which points a classifier is asked about, and what is true of them.
 
-A test set is named in a configuration by how its points are drawn, and in a record by the shape
-completion that it stands for: ``box``, the seed's protocol without completion, is ``none``.
+A test set is named in a configuration by how its points come about, and in a record by the shape
+completion that it stands for: ``box``, the seed's protocol without completion, is ``none``;
+``completed`` has the completer's name. `harness.asked` takes the completed points from a pipeline.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -19,18 +20,49 @@ if TYPE_CHECKING:
 
     from sim_scenes import SceneObject
 
+COMPLETED = "completed"
+"""The test set that a completer makes."""
+
 COMPLETIONS = {"box": "none", "perturbed": "perturbed"}
-"""Completion that a record states, by test set."""
+"""Completion that a record states, by test set that is drawn from the truth."""
 
 SCALE_ERROR = (0.05, 0.10)
 SHIFT_M = 0.004
 NOISE_M = (0.002, 0.003)
 
 
+class HasCompleter(Protocol):
+    """What names a completion: a pipeline."""
+
+    @property
+    def completer(self) -> str:
+        """``cloud``, ``centersnap``, or ``python:module.function``."""
+        ...
+
+
+def completion_name(test_set: str, pipeline: HasCompleter) -> str:
+    """Completion that a record states of a test set.
+
+    A completer from outside goes by its function's name, and by its module's too where the
+    function's alone is the name of another test set's completion.
+    """
+    if test_set != COMPLETED:
+        return COMPLETIONS[test_set]
+    path = pipeline.completer.removeprefix("python:")
+    function = path.rpartition(".")[2]
+    return path if function in COMPLETIONS.values() else function
+
+
+def test_set_of(completion: str) -> str:
+    """Test set of a record by the completion that it states."""
+    drawn = {name: test_set for test_set, name in COMPLETIONS.items()}
+    return drawn.get(completion, COMPLETED)
+
+
 def draw_test_points(
     target: SceneObject, *, test_set: str, count: int, seed: int
 ) -> npt.NDArray[np.float64]:
-    """Draw the points (count, 3) of a test set, world metres."""
+    """Draw the points (count, 3) of a test set other than the completed one, world metres."""
     draw = {"box": box_test_points, "perturbed": perturbed_test_points}[test_set]
     return draw(target, count=count, seed=seed)
 
@@ -80,7 +112,9 @@ def perturbed_test_points(target: SceneObject, *, count: int, seed: int) -> np.n
     direction = random.normal(size=3)
     noise_m = random.uniform(*NOISE_M)
     middle = (target.vertices.min(axis=0) + target.vertices.max(axis=0)) / 2
-    surface = _surface_points(target, count=count, random=stream(seed, "perturbed surface"))
+    surface = surface_points(
+        target.vertices, target.faces, count=count, random=stream(seed, "perturbed surface")
+    )
     noise = stream(seed, "perturbed noise").normal(scale=noise_m, size=(count, 3))
     points_object = middle + scale * (surface - middle)
     rotation, translation = target.world_from_object[:3, :3], target.world_from_object[:3, 3]
@@ -88,11 +122,15 @@ def perturbed_test_points(target: SceneObject, *, count: int, seed: int) -> np.n
     return np.ascontiguousarray(points_object @ rotation.T + translation + shift + noise)
 
 
-def _surface_points(
-    target: SceneObject, *, count: int, random: np.random.Generator
+def surface_points(
+    vertices: npt.NDArray[np.float64],
+    faces: npt.NDArray[np.int64],
+    *,
+    count: int,
+    random: np.random.Generator,
 ) -> npt.NDArray[np.float64]:
-    """Points (count, 3) spread evenly over the mesh by area, in the object's frame."""
-    corners = target.vertices[target.faces]
+    """Points (count, 3) spread evenly by area over a mesh of vertices (n, 3) and faces (m, 3)."""
+    corners = vertices[faces]
     edges = corners[:, 1:] - corners[:, :1]
     areas = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     upto = np.cumsum(areas)

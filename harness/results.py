@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from harness.config import Config, differing_values
 from harness.errors import InputError
+from harness.protocol import COMPLETED, test_set_of
 from harness.runs.confusion import Confusion, read_confusion
 from harness.runs.directory import RunDirectory
 from harness.runs.records import Record, read_records
@@ -82,7 +83,8 @@ def compare_runs(first: Path, second: Path, *, model_a: str, model_b: str) -> Co
     """Compare a model of one run with a model of another, scene by scene.
 
     Scenes are the same where id, seed, object, number of redraws, test points and their base rate
-    agree: a scene that one run had to draw again stands elsewhere in the other.
+    agree: a scene that one run had to draw again stands elsewhere in the other. Completed points
+    need not agree, for each run's completer and views make its own.
 
     Parameters
     ----------
@@ -109,12 +111,15 @@ def compare_runs(first: Path, second: Path, *, model_a: str, model_b: str) -> Co
         _of_model(run, model, tolerance_m=tolerance_m)
         for run, model in zip(runs, (model_a, model_b), strict=True)
     )
-    scenes_a, scenes_b = ({record.scene_id: record for record in records} for records in (a, b))
-    shared = sorted(scenes_a.keys() & scenes_b.keys())
+    scenes_a, scenes_b = ({record.scene_id for record in records} for records in (a, b))
+    sets_a, sets_b = (
+        {(record.scene_id, test_set_of(record.completion)): record for record in records}
+        for records in (a, b)
+    )
     unlike = {}
-    for scene_id in shared:
-        if why := _unlike(scenes_a[scene_id], scenes_b[scene_id]):
-            unlike[scene_id] = why
+    for key in sorted(sets_a.keys() & sets_b.keys()):
+        if why := _unlike(sets_a[key], sets_b[key]):
+            unlike[key[0]] = why
     differences = paired_differences(
         [record for record in a if record.scene_id not in unlike],
         [record for record in b if record.scene_id not in unlike],
@@ -131,8 +136,8 @@ def compare_runs(first: Path, second: Path, *, model_a: str, model_b: str) -> Co
         differences=differences,
         scenes=len({r.scene_id for r in a if r.status == "ok"} & _scored(b) - unlike.keys()),
         unlike=[f"{scene_id}: {why}" for scene_id, why in unlike.items()],
-        only_first=len(scenes_a.keys() - scenes_b.keys()),
-        only_second=len(scenes_b.keys() - scenes_a.keys()),
+        only_first=len(scenes_a - scenes_b),
+        only_second=len(scenes_b - scenes_a),
         settings=differing_values(ours=ours, theirs=theirs),
     )
 
@@ -142,10 +147,12 @@ def _scored(records: Sequence[Record]) -> set[str]:
 
 
 def _unlike(first: Record, second: Record) -> str | None:
-    """Say why two records of one scene id are not of one scene."""
+    """Say why two records of one scene id and test set are not of one scene."""
     if "failed" in (first.status, second.status):
         return None
-    for what in ("seed", "object_name", "redraws", "test_points", "base_rate"):
+    drawn = test_set_of(first.completion) != COMPLETED
+    points = ("test_points", "base_rate") if drawn else ()
+    for what in ("seed", "object_name", "redraws", *points):
         ours, theirs = getattr(first, what), getattr(second, what)
         if ours != theirs:
             return f"its {what.replace('_', ' ')} is {ours} in the one and {theirs} in the other"

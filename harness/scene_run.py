@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from harness.asked import gather_test_sets
 from harness.native import MeshTruth, Pipeline, nearest_observation
-from harness.protocol import COMPLETIONS, draw_test_points, true_categories
-from harness.runs.records import SceneResult, Timing, Variant
+from harness.protocol import COMPLETED, completion_name, true_categories
+from harness.runs.records import Record, SceneResult, Timing, Variant
 from harness.scoring import Answers, confusion, score
 from sim_scenes import DepthNoise, SceneSpec, load_object_set, simulate
 
@@ -70,7 +71,11 @@ def variants(config: Config) -> list[Variant]:
     """List what every scene compares: the rows that a failed scene leaves empty."""
     pipeline = Pipeline(config.pipeline_json())
     return [
-        Variant(model=model, completion=COMPLETIONS[test_set], segmenter=pipeline.segmenter)
+        Variant(
+            model=model,
+            completion=completion_name(test_set, pipeline),
+            segmenter=pipeline.segmenter,
+        )
         for test_set in config.protocol.test_sets
         for model in pipeline.models
     ]
@@ -125,7 +130,8 @@ def evaluate_scene(
 ) -> SceneResult:
     """Map a scene, classify the target's test points with every model, and score them.
 
-    A model is asked once about the points of all test sets, so that it learns once.
+    A model is asked once about the points of all test sets, so that it learns once. A test set
+    without points, for want of a completion, has failed records with the reason.
 
     Parameters
     ----------
@@ -144,40 +150,53 @@ def evaluate_scene(
     Raises
     ------
     SceneFailure
-        The map holds no object where the target is.
+        The map holds no object where the target is, or no test set has points.
     """
     protocol = config.protocol
     target = scene.objects[0]
     pipeline = map_scene(scene, config=config)
     mapped = find_mapped(pipeline.objects(), target)
     training = pipeline.training_set(mapped.id, seed=job.seed)
-    test_points = np.concatenate(
-        [
-            draw_test_points(target, test_set=name, count=protocol.test_points, seed=job.seed)
-            for name in protocol.test_sets
-        ]
+    asked, missing = gather_test_sets(
+        protocol.test_sets,
+        target=target,
+        object_id=mapped.id,
+        pipeline=pipeline,
+        count=protocol.test_points,
+        seed=job.seed,
     )
+    if not asked:
+        raise SceneFailure(missing[0].reason)
+    test_points = np.concatenate([item.points_world for item in asked])
+    completer_confidence = None
+    if protocol.use_spread and COMPLETED in protocol.test_sets:
+        completer_confidence = np.concatenate([item.confidence for item in asked])
     with clock.stage("truth"):
         distances_m = np.stack([mesh_truth(item).distances(test_points) for item in scene.objects])
     data_distance_m = nearest_observation(points=test_points, observed=training.points_world)
 
     result = SceneResult(records=[], timings=clock.timings)
     for model in pipeline.models:
-        predictions = pipeline.classify(mapped.id, training, test_points, model=model)
+        predictions = pipeline.classify(
+            mapped.id,
+            training,
+            test_points,
+            model=model,
+            completion_confidence=completer_confidence,
+        )
         if model == pipeline.models[0]:
             pipeline.annotate(mapped.id, test_points, predictions)
-        for number, test_set in enumerate(protocol.test_sets):
-            part = slice(number * protocol.test_points, (number + 1) * protocol.test_points)
-            answers = Answers(predictions, part)
+        for item in asked:
+            answers = Answers(predictions, item.part, completer_confidence)
             with clock.stage("score", model=model):
                 for tolerance_m in protocol.tolerances_m:
                     true = true_categories(
-                        distances_m[:, part], scene.objects, tolerance_m=tolerance_m
+                        distances_m[:, item.part], scene.objects, tolerance_m=tolerance_m
                     )
                     identity = {
                         "scene_id": job.scene_id,
                         "model": model,
-                        "completion": COMPLETIONS[test_set],
+                        "completion": item.completion,
                         "tolerance_m": tolerance_m,
                     }
                     result.confusion.extend(confusion(answers, true=true, identity=identity))
@@ -193,13 +212,25 @@ def evaluate_scene(
                         score(
                             answers,
                             truth=true == target.category,
-                            data_distance_m=data_distance_m[part],
+                            data_distance_m=data_distance_m[item.part],
                             target=target,
                             item=mapped,
                             training=training,
                             identity=identity,
                         )
                     )
+    result.records.extend(
+        Record.failed(
+            job,
+            variant=Variant(model, item.completion, pipeline.segmenter),
+            views=len(scene.frames),
+            tolerance_m=tolerance_m,
+            failure=item.reason,
+        )
+        for item in missing
+        for model in pipeline.models
+        for tolerance_m in protocol.tolerances_m
+    )
     for stage, of_model, seconds in pipeline.timings():
         clock.add(stage, seconds, model=of_model)
     return result

@@ -32,10 +32,13 @@ class Answers:
         About the points of all test sets.
     part
         Those of this one.
+    completer_confidence : (n,) float64 or None
+        Of all test sets: what the predictions' confidences hold as the completer's share.
     """
 
     predictions: Predictions
     part: slice
+    completer_confidence: Floats | None = None
 
     @property
     def classes(self) -> npt.NDArray[np.uint8]:
@@ -44,7 +47,7 @@ class Answers:
 
     @property
     def confidence(self) -> Floats:
-        """Recalibrated probability (n,) of the object, times the segmenter's score."""
+        """Recalibrated probability (n,), times the segmenter's score and the completer's."""
         return np.asarray(self.predictions.confidence[self.part])
 
     @property
@@ -72,9 +75,13 @@ class Answers:
     def recalibrated(self, item: MappedObject) -> Floats | None:
         """Recalibrated probability (n,) that a point lies on a mapped object.
 
-        None where the segmenter gives the object no score, which the confidence holds as a factor.
+        None where the segmenter gives the object no score or the completer a point none, for the
+        confidence holds both as factors.
         """
-        return np.minimum(self.confidence / item.score, 1.0) if item.score > 0 else None
+        others = np.full(len(self.classes), item.score)
+        if self.completer_confidence is not None:
+            others *= self.completer_confidence[self.part]
+        return np.minimum(self.confidence / others, 1.0) if (others > 0).all() else None
 
 
 def score(

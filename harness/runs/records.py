@@ -59,8 +59,8 @@ class Variant:
     model
         Classifier, such as ``classic``.
     completion
-        Shape completion that the test points come from; ``none`` draws them in the object's true
-        box, ``perturbed`` stands for one by a wrong instance.
+        Shape completion that the test points come from, by its completer's name; ``none`` draws
+        them in the object's true box, ``perturbed`` stands for one by a wrong instance.
     segmenter
         Source of the instance masks; ``oracle`` is the simulator's truth.
     """

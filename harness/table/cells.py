@@ -126,7 +126,7 @@ def explanation(table: Table) -> str:
     return (
         "Mean over scenes. TP to FN are fractions of the test points. A point lies on the mesh "
         f"within {millimetres(table.reported_tolerance_m)} of it. {UNDEFINED} is undefined; n (or "
-        "'defined in') counts the scenes that define a value. SC points stand for a shape "
+        "'defined in') counts the scenes that define a value. SC points are the named shape "
         "completion's, the others fill the object's true box. Seed: its Table III, whose 'Acc.' "
         "column is precision. ECE is that of the raw probability, recal. that after recalibration. "
         "Random and nearest are the AURC of the same decisions in random order and by closeness to "

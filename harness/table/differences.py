@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from harness.protocol import test_set_of
 from harness.statistics import MeanEstimate, mean_estimate
 from harness.table.columns import DIFFERENCE_COLUMNS
 
@@ -32,7 +33,8 @@ class Difference:
     Attributes
     ----------
     category, completion
-        Class and test set.
+        Class, and the completion that made the points; ``cloud less centersnap`` where each of the
+        two has points of its own.
     first, second
         What is compared: names of models.
     scenes, objects
@@ -100,7 +102,8 @@ def paired_differences(
     Parameters
     ----------
     first, second
-        Records of one model each; a pair is two of one scene, test set and tolerance.
+        Records of one model each; a pair is two of one scene, test set and tolerance. Points of
+        different completers are of one test set.
     classes
         Order of the classes.
     seed
@@ -112,7 +115,13 @@ def paired_differences(
     for record in sorted(first, key=_pairing):
         partner = partners.get(_pairing(record))
         if partner is not None and record.status == partner.status == "ok":
-            cell = (record.category, record.completion, record.segmenter, record.tolerance_m)
+            completions = dict.fromkeys((record.completion, partner.completion))
+            cell = (
+                record.category,
+                " less ".join(completions),
+                record.segmenter,
+                record.tolerance_m,
+            )
             groups[cell].append((record, partner))
     found = [
         _difference(cell, pairs, names=(pairs[0][0].model, pairs[0][1].model), seed=seed)
@@ -127,7 +136,8 @@ def _order(item: Difference, *, classes: Sequence[str]) -> tuple[object, ...]:
 
 
 def _pairing(record: Record) -> tuple[str, str, str, float]:
-    return (record.scene_id, record.completion, record.segmenter, record.tolerance_m)
+    test_set = test_set_of(record.completion)
+    return (record.scene_id, test_set, record.segmenter, record.tolerance_m)
 
 
 def _difference(

@@ -42,7 +42,8 @@ def test_the_defaults_are_the_seeds_protocol() -> None:
     config = load_config(None, check_pipeline=no_check)
     assert config == Config()
     assert config.protocol.test_points == 1000
-    assert config.protocol.test_sets == ("box", "perturbed")
+    assert config.protocol.test_sets == ("box", "completed")
+    assert config.protocol.use_spread
     assert config.protocol.tolerances_m == (0.0025, 0.005, 0.01)
     assert (config.run.scenes, config.scenes.views) == (16, 3)
     assert config.run.classes == ("mug", "bowl")
@@ -95,7 +96,7 @@ def test_a_misspelt_key_gets_its_nearest_and_the_file(
         ("[protocol]\ntolerances_m = [nan, 0.005]", "protocol.tolerances_m.0 = nan: should be"),
         ("[protocol]\ntest_sets = []", "protocol.test_sets = []"),
         ('[protocol]\ntest_sets = ["box", "box"]', "test_sets ['box', 'box'] names a set twice"),
-        ('[protocol]\ntest_sets = ["sphere"]', "test_sets.0 = 'sphere': should be 'box' or 'pert"),
+        ('[protocol]\ntest_sets = ["sphere"]', "test_sets.0 = 'sphere': should be 'box', 'comple"),
         ("[protocol]\ntest_points = 0", "protocol.test_points = 0: should be greater than or"),
         ("[protocol]\nreported_tolerance_m = 0.007", "0.007 is not one of tolerances_m"),
         ("[protocol]\ntolerances_m = [0.005, 0.005]", "names a distance twice"),
@@ -174,6 +175,21 @@ def test_the_pipeline_table_goes_to_its_own_check(write: Writer) -> None:
     assert str(caught.value) == (
         f"{path}: [pipeline] unknown key gp.fit_point; did you mean gp.fit_points?"
     )
+
+
+def test_completed_points_need_a_completer(write: Writer) -> None:
+    def none(text: str) -> str:
+        return '{"completer": "none"}'
+
+    path = write("[run]\nscenes = 1")
+    with pytest.raises(InputError) as caught:
+        load_config(path, check_pipeline=none)
+    assert str(caught.value) == (
+        f"{path}: protocol.test_sets has 'completed' but pipeline.completer is 'none'; "
+        "name a completer, or take 'completed' out of the test sets"
+    )
+    path = write('[protocol]\ntest_sets = ["box"]')
+    assert load_config(path, check_pipeline=none).protocol.test_sets == ("box",)
 
 
 def test_an_extension_that_is_not_built_is_said(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -41,6 +41,7 @@ width = 160
 height = 120
 [protocol]
 test_points = 60
+test_sets = ["box", "perturbed"]
 [pipeline.training]
 points = 80
 [pipeline.gp]

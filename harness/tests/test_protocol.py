@@ -9,10 +9,13 @@ from numpy.testing import assert_allclose, assert_array_equal
 from harness.protocol import (
     COMPLETIONS,
     box_test_points,
+    completion_name,
     draw_test_points,
     perturbed_test_points,
+    test_set_of as set_of,
     true_categories,
 )
+from harness.tests.fake_completer import FakeCompletions
 from sim_scenes import SceneObject
 from sim_scenes.streams import stream
 
@@ -146,6 +149,24 @@ def test_every_test_set_has_a_completion_of_its_own() -> None:
     for test_set, draw in (("box", box_test_points), ("perturbed", perturbed_test_points)):
         points = draw_test_points(plate(), test_set=test_set, count=5, seed=7)
         assert_array_equal(points, draw(plate(), count=5, seed=7))
+
+
+@pytest.mark.parametrize(
+    ("completer", "name"),
+    [
+        ("cloud", "cloud"),
+        ("centersnap", "centersnap"),
+        ("python:my.tools.complete", "complete"),
+        ("python:my.tools.perturbed", "my.tools.perturbed"),
+    ],
+)
+def test_a_completed_set_has_the_name_of_its_completer(completer: str, name: str) -> None:
+    pipeline = FakeCompletions(completer=completer)
+    assert completion_name("completed", pipeline) == name
+    assert set_of(name) == "completed"
+    for test_set, drawn in COMPLETIONS.items():
+        assert completion_name(test_set, pipeline) == drawn
+        assert set_of(drawn) == test_set
 
 
 def test_a_face_without_area_is_no_problem() -> None:

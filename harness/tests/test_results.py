@@ -76,6 +76,23 @@ def test_a_scene_that_is_another_in_the_other_run_is_left_out(
     assert [item.scenes for item in found.differences] == [2, 3]
 
 
+def test_completers_are_compared_each_on_its_own_points(
+    folder: Path, changed: Callable[[Callable[[Record], Record | None]], Path]
+) -> None:
+    other = changed(lambda row: replace(row, completion="centersnap", base_rate=0.5, accuracy=0.25))
+    records = read_records(folder / "records.parquet")
+    mine = [replace(row, completion="cloud", base_rate=0.75, accuracy=0.5) for row in records]
+    write_records(mine, folder / "records.parquet")
+    found = compare_runs(folder, other, model_a="metric", model_b="metric")
+    assert (found.scenes, found.unlike) == (6, [])
+    assert [item.completion for item in found.differences] == ["cloud less centersnap"] * 2
+    assert {item.values["accuracy"].mean for item in found.differences} == {0.25}
+    # Points of a box are another test set.
+    write_records(records, folder / "records.parquet")
+    with pytest.raises(InputError, match="share no scene that both scored; run both with the same"):
+        compare_runs(folder, other, model_a="metric", model_b="metric")
+
+
 def test_scenes_of_one_run_alone_are_counted(
     folder: Path, changed: Callable[[Callable[[Record], Record | None]], Path]
 ) -> None:

@@ -40,7 +40,7 @@ PROCESSES = MODELS[:4]
 CONFIG = Config.model_validate(
     {
         "scenes": {"width": 160, "height": 120},
-        "protocol": {"test_points": 300},
+        "protocol": {"test_points": 300, "test_sets": ["box", "perturbed"]},
         "pipeline": {
             "training": {"points": 240},
             "gp": {"models": MODELS, "fit_points": 120},

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from harness.asked import gather_test_sets
 from harness.assets import generate_assets
 from harness.errors import InputError
 from harness.native import Pipeline
-from harness.protocol import draw_test_points, true_categories
+from harness.protocol import true_categories
 from harness.runs.job import plan_jobs
 from harness.scene_run import SceneFailure, find_mapped, map_scene, mesh_truth, scene_spec
 from harness.scoring import Answers
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 
 STRIDE = 4
 """Pixels of a view from one to the next in its small copy."""
+
+WITHOUT_COMPLETER = {"completer": "none"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,9 +66,10 @@ class TuningScene:
         """Raw probability (n,) of the target's category under a ``[pipeline]`` table.
 
         A pipeline keeps its settings, and mapping a scene again costs as much as a model. Beside
-        the training points a model needs to know of the map only which object is meant.
+        the training points a model needs to know of the map only which object is meant; nor does it
+        need the completer, whose points are there already.
         """
-        pipeline = Pipeline(json.dumps(settings, sort_keys=True))
+        pipeline = Pipeline(json.dumps(settings | WITHOUT_COMPLETER, sort_keys=True))
         (object_id,) = pipeline.add_frame(**self.view)
         if object_id is None:
             raise InputError(f"{self.scene_id}: no view shows the target; change [scenes]")
@@ -115,15 +119,21 @@ def tuning_scenes(
             pipeline = map_scene(scene, config=config)
             mapped = find_mapped(pipeline.objects(), target)
             training = pipeline.training_set(mapped.id, seed=job.seed)
+            asked, missing = gather_test_sets(
+                config.protocol.test_sets,
+                target=target,
+                object_id=mapped.id,
+                pipeline=pipeline,
+                count=test_points,
+                seed=job.seed,
+            )
         except (SceneError, SceneFailure, ValueError) as error:
             lost(job.scene_id, str(error))
             continue
-        points = np.concatenate(
-            [
-                draw_test_points(target, test_set=name, count=test_points, seed=job.seed)
-                for name in config.protocol.test_sets
-            ]
-        )
+        if missing:
+            lost(job.scene_id, missing[0].reason)
+            continue
+        points = np.concatenate([item.points_world for item in asked])
         distances_m = np.stack([mesh_truth(item).distances(points) for item in scene.objects])
         tolerance_m = config.protocol.reported_tolerance_m
         true = true_categories(distances_m, scene.objects, tolerance_m=tolerance_m)
