@@ -3,12 +3,15 @@
 //! A [`Completer`] gives every segmented instance of a frame a completion, points on the
 //! surface, seen and unseen, with a spread each, or says why it has none.
 
+pub mod cloud;
 mod completer;
 mod error;
 mod even;
 mod observed;
+mod refine;
 
 pub use completer::{Completer, Uncompleted};
 pub use error::CompleteError;
 pub use even::even_order;
 pub use observed::observed_points;
+pub use refine::{Refined, refine};

@@ -7,6 +7,7 @@ use credence_nn::weights;
 
 use crate::{
     TrainError,
+    complete::CompleteArgs,
     data::DataCommand,
     metric::{EmbedArgs, SphereArgs},
     query::QueryArgs,
@@ -45,6 +46,13 @@ pub enum Network {
     /// its newest checkpoint and ends with the same weights. Beside the weights it writes their
     /// provenance (.json) and the curve of the loss (.loss.csv).
     Embed(EmbedArgs),
+    /// Train the shape completers: what a frame shows of an object in, its whole surface out
+    ///
+    /// Scenes are generated from the meshes on the first run and cached; `credence-train query`
+    /// uses the same. The run may be stopped at any time (Ctrl-C): the same command resumes it from
+    /// its newest checkpoint and ends with the same weights. Beside each file of weights it writes
+    /// their provenance (.json) and the curve of the loss (.loss.csv).
+    Complete(CompleteArgs),
     /// Embed the points of unseen objects and write the unit vectors, for the picture of the sphere
     ///
     /// The table's rows are the learned directions of the categories and a sample of every
@@ -62,6 +70,7 @@ impl Cli {
             Network::Data(args) => args.run(&note),
             Network::Query(args) => args.run(),
             Network::Embed(args) => args.run(),
+            Network::Complete(args) => args.run(),
             Network::Sphere(args) => args.run(),
         }
     }

@@ -63,6 +63,12 @@ pub enum TrainError {
     /// What the networks and their files refuse.
     #[error(transparent)]
     Network(#[from] credence_nn::NnError),
+    /// Points or a viewpoint that are not.
+    #[error(transparent)]
+    Input(#[from] credence_types::InvalidInput),
+    /// What shape completion refuses.
+    #[error(transparent)]
+    Complete(#[from] credence_complete::CompleteError),
     /// What the embedding refuses.
     #[error(transparent)]
     Embed(#[from] credence_embed::EmbedError),

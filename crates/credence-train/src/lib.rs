@@ -1,7 +1,9 @@
 //! Training of the networks: data, loops, command line.
 
+mod augment;
 pub mod cli;
 mod command;
+pub mod complete;
 pub mod data;
 mod error;
 pub mod metric;

@@ -62,7 +62,7 @@ pub fn evaluate(network: &QueryNetwork, scenes: &SceneCache) -> Result<Figures, 
     let mut tallies = Tallies::default();
     let indices: Vec<usize> = (0..scenes.len()).collect();
     for indices in indices.chunks(TOGETHER) {
-        let example = |index: &usize| Ok(validation_example(&scenes.get(*index)?)?);
+        let example = |index: &usize| validation_example(&scenes.get(*index)?);
         let examples: Result<Vec<Example>, TrainError> = indices.par_iter().map(example).collect();
         tallies.add(network, &examples?, &device)?;
     }

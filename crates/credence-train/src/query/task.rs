@@ -44,7 +44,7 @@ impl Task for QueryTask {
             let mut rng = stream(self.seed, &format!("train/query/{step}/{slot}"));
             let index = rng.random_range(0..self.scenes.len());
             let scene = self.scenes.get(index)?;
-            Ok(training_example(&scene, self.queries, &mut rng)?)
+            training_example(&scene, self.queries, &mut rng)
         };
         (0..self.observations)
             .into_par_iter()

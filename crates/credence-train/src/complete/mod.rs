@@ -1,0 +1,6 @@
+//! Training of the shape completers.
+
+mod cloud;
+mod command;
+
+pub use command::CompleteArgs;
