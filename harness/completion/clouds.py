@@ -1,0 +1,56 @@
+"""Clouds of points: what a view observed of an object, thinning, and distances between clouds."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from sim_scenes.geometry import apply
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from sim_scenes import Frame
+
+    Floats = npt.NDArray[np.float64]
+
+THINNED_FROM = 8192
+"""Most points that an even choice is made from; of more, every k-th."""
+
+
+def observed_points(frame: Frame, *, instance_id: int) -> Floats:
+    """Points (n, 3) that a view measured on an object, by its true mask; metres, world."""
+    if frame.instance_ids is None:
+        return np.zeros((0, 3))
+    shown = (frame.instance_ids == instance_id) & np.isfinite(frame.depth_m)
+    x, y = frame.intrinsics.ray_slopes()
+    depth_m = frame.depth_m.astype(np.float64)
+    camera = np.stack([x * depth_m, y * depth_m, depth_m], axis=-1)[shown]
+    return apply(frame.world_from_camera, camera)
+
+
+def nearest_m(points: Floats, others: Floats) -> Floats:
+    """Distance (n,) of each of points (n, 3) to the nearest of others (m, 3)."""
+    distances, _ = cKDTree(others).query(points)
+    return np.asarray(distances)
+
+
+def spread_evenly(points: Floats, *, count: int) -> Floats:
+    """Choose at most `count` of points (n, 3), each the farthest from those before it.
+
+    The first is the farthest from the mean, so that the choice does not depend on the order.
+    """
+    if len(points) > THINNED_FROM:
+        points = points[:: -(-len(points) // THINNED_FROM)]
+    if len(points) <= count:
+        return points
+    chosen = np.zeros(count, dtype=np.int64)
+    chosen[0] = int(((points - points.mean(axis=0)) ** 2).sum(axis=1).argmax())
+    nearest = ((points - points[chosen[0]]) ** 2).sum(axis=1)
+    for number in range(1, count):
+        chosen[number] = int(nearest.argmax())
+        offsets = points - points[chosen[number]]
+        np.minimum(nearest, np.einsum("nk,nk->n", offsets, offsets), out=nearest)
+    return np.asarray(points[chosen])
