@@ -3,6 +3,7 @@
 //! A [`Completer`] gives every segmented instance of a frame a completion, points on the
 //! surface, seen and unseen, with a spread each, or says why it has none.
 
+pub mod centersnap;
 pub mod cloud;
 mod completer;
 mod error;

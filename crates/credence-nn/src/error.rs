@@ -94,6 +94,23 @@ pub enum NnError {
         /// What went wrong.
         source: io::Error,
     },
+    /// A file of weights that is gone, or not the one that its provenance tells of.
+    #[error(
+        "the weights {} are {found}, sha256 {expected} is expected; restore them with `git checkout \
+         -- {}`, or train them anew with `{command}`",
+        path.display(),
+        path.display()
+    )]
+    Weights {
+        /// The file.
+        path: PathBuf,
+        /// The hash that the provenance names.
+        expected: String,
+        /// What is there instead.
+        found: String,
+        /// The command that trained them.
+        command: String,
+    },
     /// Bytes that are no weight file.
     #[error(
         "{name} is not a whole safetensors file ({why}); fetch it again or train the network anew"

@@ -148,23 +148,42 @@ impl Run<'_> {
         outcome: Outcome<N>,
         validation: &SceneCache,
     ) -> Result<(), TrainError> {
-        let args = self.args;
-        weights::save(&outcome.network, &args.out)?;
+        let bytes = weights::to_bytes(&outcome.network)?;
         let data = [
-            ("scenes", args.scene_count().to_string()),
-            ("meshes", args.meshes.display().to_string()),
-            ("validation_scenes", validation.len().to_string()),
-            ("validation_meshes", args.validation.display().to_string()),
+            ("scenes", self.args.scene_count()),
+            ("validation_scenes", validation.len()),
         ];
+        self.finish_with(outcome, &bytes, &data)
+    }
+
+    /// The same with the weights' bytes as given, and the numbers of what was trained and validated
+    /// on.
+    pub(crate) fn finish_with<N: Module>(
+        self,
+        outcome: Outcome<N>,
+        bytes: &[u8],
+        numbers: &[(&str, usize)],
+    ) -> Result<(), TrainError> {
+        let args = self.args;
+        weights::write_file(&args.out, bytes)?;
+        let text = |(key, number): &(&str, usize)| ((*key).to_owned(), number.to_string());
+        let mut data: BTreeMap<String, String> = numbers.iter().map(text).collect();
+        for (key, folder) in [
+            ("meshes", &args.meshes),
+            ("validation_meshes", &args.validation),
+        ] {
+            data.insert(key.to_owned(), folder.display().to_string());
+        }
         let provenance = Provenance {
             command: command_line(),
             seed: args.seed,
             git_revision: self.git_revision,
             steps: self.steps,
             parameters: outcome.network.num_params() as u64,
-            data: BTreeMap::from(data.map(|(key, value)| (key.to_owned(), value))),
+            data,
             loss_curve: keep_curve(&outcome.loss_curve, &args.out)?,
             figures: outcome.figures,
+            sha256: None,
         };
         provenance.save(&args.out)?;
         show(&provenance.figures);

@@ -2,7 +2,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
-use super::cloud;
+use super::{autoencoder, cloud};
 use crate::{TrainError, command::RunArgs};
 
 /// What to train the completers on, and where to put them.
@@ -47,6 +47,8 @@ pub enum Part {
     All,
     /// The completer of a segmented partial cloud
     Cloud,
+    /// Shapes as numbers and back, for `CenterSnap`
+    Autoencoder,
 }
 
 impl CompleteArgs {
@@ -58,6 +60,9 @@ impl CompleteArgs {
     pub fn run(&self) -> Result<(), TrainError> {
         if matches!(self.part, Part::All | Part::Cloud) {
             cloud::run(&self.of("cloud"), self.steps)?;
+        }
+        if matches!(self.part, Part::All | Part::Autoencoder) {
+            autoencoder::run(&self.of("autoencoder"), self.steps)?;
         }
         Ok(())
     }

@@ -1,5 +1,6 @@
 //! Training of the shape completers.
 
+mod autoencoder;
 mod cloud;
 mod command;
 

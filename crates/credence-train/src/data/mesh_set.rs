@@ -32,14 +32,14 @@ pub struct MeshSet {
 
 /// A mesh in metres, z up, its lowest point at z = 0 and the middle of its box above the origin.
 #[derive(Debug)]
-pub(super) struct Mesh {
-    pub(super) category: Category,
-    pub(super) vertices: Vec<Vector>,
+pub(crate) struct Mesh {
+    pub(crate) category: Category,
+    pub(crate) vertices: Vec<Vector>,
     /// Those with area.
-    pub(super) faces: Vec<[u32; 3]>,
+    pub(crate) faces: Vec<[u32; 3]>,
     /// Half its box along x and y, and its height.
-    pub(super) half_extents: [f64; 2],
-    pub(super) height: f64,
+    pub(crate) half_extents: [f64; 2],
+    pub(crate) height: f64,
     /// Of the circle about the z axis that holds it.
     pub(super) radius: f64,
     /// Sums of the faces' areas up to and with each.
@@ -111,8 +111,13 @@ impl MeshSet {
         self.fingerprint
     }
 
+    /// All meshes, in the manifest's order.
+    pub(crate) fn meshes(&self) -> &[Mesh] {
+        &self.meshes
+    }
+
     /// A mesh of a category, each as likely.
-    pub(super) fn draw(&self, category: Category, rng: &mut impl Rng) -> &Mesh {
+    pub(crate) fn draw(&self, category: Category, rng: &mut impl Rng) -> &Mesh {
         let of_category = &self.of_category[usize::from(category.class()) - 1];
         &self.meshes[of_category[rng.random_range(0..of_category.len())]]
     }
@@ -185,6 +190,12 @@ impl Mesh {
         })
     }
 
+    /// Diagonal of its box.
+    pub(crate) fn diagonal(&self) -> f64 {
+        let [x, y] = self.half_extents;
+        (4.0 * (x * x + y * y) + self.height * self.height).sqrt()
+    }
+
     fn triangle(&self, face: usize) -> Triangle {
         let [a, b, c] = self.faces[face].map(|corner| self.vertices[corner as usize]);
         Triangle::new(a, b, c)
@@ -197,7 +208,7 @@ impl Mesh {
     }
 
     /// A point on the surface, uniform by area.
-    pub(super) fn surface_point(&self, rng: &mut impl Rng) -> Vector {
+    pub(crate) fn surface_point(&self, rng: &mut impl Rng) -> Vector {
         let total = self.areas.last().copied().unwrap_or_default();
         let at = rng.random::<f64>() * total;
         let face = self.areas.partition_point(|sum| *sum <= at);

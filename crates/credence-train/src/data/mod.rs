@@ -22,5 +22,7 @@ pub(crate) mod tests;
 
 pub use cache::SceneCache;
 pub use command::DataCommand;
+pub(crate) use mesh_set::Mesh;
 pub use mesh_set::MeshSet;
 pub use scene::Scene;
+pub(crate) use stage::any_category;

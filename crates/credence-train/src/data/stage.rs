@@ -129,7 +129,7 @@ pub(super) fn place<'a>(
 }
 
 /// A category, each as likely.
-pub(super) fn any_category(rng: &mut impl Rng) -> Category {
+pub(crate) fn any_category(rng: &mut impl Rng) -> Category {
     Category::ALL[rng.random_range(0..Category::ALL.len())]
 }
 

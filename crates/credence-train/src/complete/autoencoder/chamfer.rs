@@ -22,18 +22,9 @@ pub(super) fn chamfer(
 ) -> Result<Tensor<1>, TrainError> {
     let [rows, _] = decoded.dims();
     let per_cloud = rows / truth.len().max(1);
-    let points = host_points(&decoded);
     let truth_rows: usize = truth.iter().map(Vec::len).sum();
     // Found outside autodiff: the gradient passes through the distances only.
-    let pairs: Vec<[Vec<u32>; 2]> = points
-        .par_chunks(per_cloud.max(1))
-        .zip(truth)
-        .map(|(decoded, truth)| {
-            let of_decoded = knn::nearest(truth, decoded, 1)?;
-            let of_truth = knn::nearest(decoded, truth, 1)?;
-            Ok([of_decoded, of_truth])
-        })
-        .collect::<Result<_, TrainError>>()?;
+    let pairs = nearest(&host_points(&decoded), truth)?;
     let mut nearest_truth = Vec::with_capacity(3 * rows);
     let mut nearest_decoded = Vec::with_capacity(truth_rows);
     for (cloud, ([of_decoded, of_truth], truth)) in pairs.iter().zip(truth).enumerate() {
@@ -45,11 +36,58 @@ pub(super) fn chamfer(
     let nearest_truth = Tensor::from_data(TensorData::new(nearest_truth, [rows, 3]), device);
     let index = TensorData::new(nearest_decoded, [truth_rows]);
     let index = Tensor::<1, Int>::from_data(index, device);
-    let flat: Vec<f32> = truth.iter().flat_map(|t| t.as_flattened()).copied().collect();
+    let flat: Vec<f32> = truth
+        .iter()
+        .flat_map(|t| t.as_flattened())
+        .copied()
+        .collect();
     let flat = Tensor::from_data(TensorData::new(flat, [truth_rows, 3]), device);
     let there = lengths(decoded.clone() - nearest_truth).mean();
     let back = lengths(decoded.select(0, index) - flat).mean();
     Ok((there + back) / 2.0)
+}
+
+/// The same of every cloud by itself, on the host.
+///
+/// # Errors
+/// A coordinate that is not finite.
+pub(super) fn nearest_distances(
+    decoded: &Tensor<2>,
+    truth: &[Vec<[f32; 3]>],
+) -> Result<Vec<f64>, TrainError> {
+    let points = host_points(decoded);
+    let per_cloud = points.len() / truth.len().max(1);
+    let mean = |from: &[[f32; 3]], to: &[[f32; 3]], nearest: &[u32]| {
+        let length = |(p, index): (&[f32; 3], &u32)| {
+            let q = to[*index as usize];
+            (0..3)
+                .map(|axis| f64::from(p[axis] - q[axis]).powi(2))
+                .sum::<f64>()
+                .sqrt()
+        };
+        from.iter().zip(nearest).map(length).sum::<f64>() / from.len() as f64
+    };
+    let pairs = nearest(&points, truth)?;
+    let clouds = points.chunks(per_cloud.max(1)).zip(truth).zip(&pairs);
+    Ok(clouds
+        .map(|((decoded, truth), [of_decoded, of_truth])| {
+            mean(decoded, truth, of_decoded).midpoint(mean(truth, decoded, of_truth))
+        })
+        .collect())
+}
+
+/// Of every cloud, the true point nearest to each decoded one, and the other way round.
+fn nearest(points: &[[f32; 3]], truth: &[Vec<[f32; 3]>]) -> Result<Vec<[Vec<u32>; 2]>, TrainError> {
+    let per_cloud = points.len() / truth.len().max(1);
+    points
+        .par_chunks(per_cloud.max(1))
+        .zip(truth)
+        .map(|(decoded, truth)| {
+            let of_decoded = knn::nearest(truth, decoded, 1)?;
+            let of_truth = knn::nearest(decoded, truth, 1)?;
+            Ok([of_decoded, of_truth])
+        })
+        .collect()
 }
 
 fn lengths(differences: Tensor<2>) -> Tensor<2> {
@@ -73,7 +111,12 @@ mod tests {
         let device = Device::flex().autodiff();
         // First cloud: points at 0 and 4 on a line, truth at 1 and 2; second: both on the truth.
         let decoded = Tensor::<2>::from_data(
-            [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 7.0, 0.0], [0.0, 9.0, 0.0]],
+            [
+                [0.0, 0.0, 0.0],
+                [4.0, 0.0, 0.0],
+                [0.0, 7.0, 0.0],
+                [0.0, 9.0, 0.0],
+            ],
             &device,
         )
         .require_grad();
@@ -86,7 +129,12 @@ mod tests {
         let value: f32 = loss.clone().into_scalar();
         assert!((value - (0.75 + 0.75) / 2.0).abs() < 1e-4, "{value}");
         let gradients = loss.backward();
-        let gradient: Vec<f32> = decoded.grad(&gradients).unwrap().into_data().iter().collect();
+        let gradient: Vec<f32> = decoded
+            .grad(&gradients)
+            .unwrap()
+            .into_data()
+            .iter()
+            .collect();
         // Of point 0: -1 there and -2 back, of point 1: +1 there, an eighth each.
         assert!((gradient[0] + 3.0 / 8.0).abs() < 1e-4, "{gradient:?}");
         assert!((gradient[3] - 1.0 / 8.0).abs() < 1e-4, "{gradient:?}");

@@ -5,8 +5,4 @@ mod clouds;
 mod command;
 mod task;
 
-#[cfg(test)]
-mod tests;
-
-pub(crate) use clouds::{Shape, canonical_cloud, is_round};
-pub(crate) use command::train;
+pub(super) use command::run;

@@ -1,0 +1,13 @@
+//! `CenterSnap` (Irshad et al. 2022): all objects of a frame at once, each as a point.
+//!
+//! One network looks at colour and depth and tells, every eight pixels, how likely an object's
+//! centre is there, of which category, and that object's shape as 128 numbers and pose as 13. The
+//! decoder of a point auto-encoder turns the shape's numbers into 2,048 points.
+
+mod autoencoder;
+mod image;
+mod pose;
+
+pub use autoencoder::{AutoEncoder, DECODED_POINTS, LATENT};
+pub use image::{CELLS, NetworkImage, STRIDE};
+pub use pose::{Anchor, ObjectPose, POSE, facing, has_front};
