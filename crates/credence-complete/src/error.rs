@@ -26,4 +26,16 @@ pub enum CompleteError {
         /// What it did, and the remedy.
         why: String,
     },
+    /// More points than a search can hold.
+    #[error("{count} points are more than a neighbour search can hold; pass fewer")]
+    TooManyPoints {
+        /// Points given.
+        count: usize,
+    },
+    /// A vertical that points nowhere.
+    #[error("the vertical {value:?} has no direction; pass the world's z axis in the camera frame")]
+    Vertical {
+        /// The vector.
+        value: [f64; 3],
+    },
 }

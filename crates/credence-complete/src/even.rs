@@ -8,9 +8,10 @@ const BUCKET: usize = 32;
 /// Squared distance of a point that is in the order already: below every other.
 const TAKEN: f64 = -1.0;
 
-/// Indices of `count` of the points, all of them if there are fewer, so that every prefix covers
-/// them evenly: farthest-point sampling (Gonzalez 1985). The first is the point farthest from the
-/// mean, and each further one the farthest from those before it, ties by index.
+/// Indices of `count` of the points, all if there are fewer, of which every prefix is even.
+///
+/// Farthest-point sampling (Gonzalez 1985): the first is the point farthest from the mean, and
+/// each further one the farthest from those before it, ties by index.
 ///
 /// Points keep their distance to the order in buckets of a k-d tree's leaves; a new one reaches
 /// only buckets whose farthest point may be nearer to it than to all before, so that 2,048 of
