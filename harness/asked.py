@@ -28,6 +28,11 @@ class Completion(Protocol):
         ...
 
     @property
+    def spread_m(self) -> Floats:
+        """Expected distance (n,) of each from the true surface, metres."""
+        ...
+
+    @property
     def confidence(self) -> Floats:
         """Probability (n,) that each lies within 5 mm of the true surface."""
         ...

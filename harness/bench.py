@@ -285,6 +285,7 @@ def compute_scenes(
     cores = core_count()
     pool = ScenePool(
         target=scene_function,
+        result_type=SceneResult,
         arguments=(config,),
         workers=min(config.run.workers or cores, len(waiting)),
         cores=cores,
@@ -323,7 +324,7 @@ def compute_scenes(
     return failures
 
 
-def _with_timing(done: SceneDone) -> SceneResult:
+def _with_timing(done: SceneDone[SceneResult]) -> SceneResult:
     """Put the scene's own timing, which the worker takes, after those of its stages."""
     whole = Timing(
         scene_id=done.job.scene_id,

@@ -68,15 +68,31 @@ class View:
         focal = float((free / np.maximum(high - low, 1e-9)).min())
         return replace(self, focal=focal, shift=(float(x), float(y)))
 
+    def depths(self, points_world: Floats) -> Floats:
+        """Depths (...) of points (..., 3) along the viewing direction, metres."""
+        return np.asarray((points_world - self.eye_world) @ self._axes()[2])
+
+    def rays(self) -> Floats:
+        """Directions (height, width, 3) through the pixels' middles, of depth 1."""
+        width, height = self.size
+        columns, rows = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+        offsets = np.stack([columns - width / 2, rows - height / 2], axis=-1)
+        slopes = offsets / (self.focal * height) + self.shift
+        right, down, forward = self._axes()
+        return np.asarray(slopes[..., :1] * right + slopes[..., 1:] * down + forward)
+
     def _slopes(self, points_world: Floats) -> Floats:
         """Slopes (..., 2) of the rays to points, to the right of the focus and below it."""
+        local = (points_world - self.eye_world) @ self._axes().T
+        return np.asarray(local[..., :2] / local[..., 2:])
+
+    def _axes(self) -> Floats:
+        """Rows (3, 3) to the right, down and forward, unit vectors of the world."""
         forward = self.focus_world - self.eye_world
         forward = forward / np.linalg.norm(forward)
         right = np.cross(forward, (0.0, 0.0, 1.0))
         right /= np.linalg.norm(right)
-        axes = np.stack([right, np.cross(forward, right), forward])
-        local = (points_world - self.eye_world) @ axes.T
-        return np.asarray(local[..., :2] / local[..., 2:])
+        return np.stack([right, np.cross(forward, right), forward])
 
 
 def draw_cubes(centres_world: Floats, colours: Picture, *, size_m: float, view: View) -> Picture:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,7 +17,7 @@ from harness.config import Override, load_config
 from harness.cubes import Picture, View, draw_cubes
 from harness.errors import InputError
 from harness.native import CLASS_NAMES
-from harness.runs.atomic import write_atomically
+from harness.pictures import fit_width, label, write_picture
 from harness.runs.job import plan_jobs
 from harness.scene_run import map_scene, simulate_job
 from sim_scenes import SceneError
@@ -162,7 +161,7 @@ def render_pictures(scene: Scene, pipeline: Pipeline, *, folder: Path) -> SceneP
     pictures["montage"] = np.concatenate([*rows, fit_width(maps, width)], axis=0)
     files = {name: folder / f"{name}.png" for name in pictures}
     for name, path in files.items():
-        write_atomically(path, partial(Image.fromarray(pictures[name]).save, format="PNG"))
+        write_picture(path, pictures[name])
     return ScenePictures(folder=folder, files=tuple(files.values()), montage=files["montage"])
 
 
@@ -252,23 +251,3 @@ def draw_map(
             stroke_fill="white",
         )
     return np.asarray(image)
-
-
-def label(image: Picture, text: str) -> Picture:
-    """Copy the image, with a caption in its upper left corner."""
-    picture = Image.fromarray(image)
-    ImageDraw.Draw(picture).text(
-        (8, 6),
-        text,
-        fill="white",
-        font=ImageFont.load_default(20),
-        stroke_width=2,
-        stroke_fill="black",
-    )
-    return np.asarray(picture)
-
-
-def fit_width(image: Picture, width: int) -> Picture:
-    """Scale the image to a width, its proportions kept."""
-    height = round(image.shape[0] * width / image.shape[1])
-    return np.asarray(Image.fromarray(image).resize((width, height)))

@@ -46,11 +46,14 @@ def spread_evenly(points: Floats, *, count: int) -> Floats:
         points = points[:: -(-len(points) // THINNED_FROM)]
     if len(points) <= count:
         return points
+    centred = points - points.mean(axis=0)
+    squares = np.einsum("nk,nk->n", centred, centred)
     chosen = np.zeros(count, dtype=np.int64)
-    chosen[0] = int(((points - points.mean(axis=0)) ** 2).sum(axis=1).argmax())
-    nearest = ((points - points[chosen[0]]) ** 2).sum(axis=1)
+    chosen[0] = int(squares.argmax())
+    nearest = np.full(len(points), np.inf)
     for number in range(1, count):
+        last = chosen[number - 1]
+        # |p - q|^2 = |p|^2 + |q|^2 - 2 p q, which needs no difference of all points.
+        np.minimum(nearest, squares + squares[last] - 2 * (centred @ centred[last]), out=nearest)
         chosen[number] = int(nearest.argmax())
-        offsets = points - points[chosen[number]]
-        np.minimum(nearest, np.einsum("nk,nk->n", offsets, offsets), out=nearest)
     return np.asarray(points[chosen])

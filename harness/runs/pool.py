@@ -21,17 +21,18 @@ from dataclasses import dataclass
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar, cast
 
 from harness.errors import InputError
 from harness.runs.atomic import DiskError
-from harness.runs.records import SceneResult
 from harness.runs.worker import Done, Raised, Unusable
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Sequence
 
     from harness.runs.job import SceneJob
+
+Result = TypeVar("Result")
 
 ATTEMPTS = 2
 """How often a scene is tried when its worker dies."""
@@ -50,11 +51,11 @@ _FAREWELL_S = 5.0
 
 
 @dataclass(frozen=True)
-class SceneDone:
+class SceneDone(Generic[Result]):
     """A scene was computed."""
 
     job: SceneJob
-    result: SceneResult
+    result: Result
     seconds: float
     peak_memory_mib: float
 
@@ -76,7 +77,7 @@ class WorkerDied:
     log: Path
 
 
-PoolEvent = SceneDone | SceneFailed | WorkerDied
+PoolEvent: TypeAlias = SceneDone[Result] | SceneFailed | WorkerDied
 
 
 class UnusableWorkerError(InputError):
@@ -89,13 +90,15 @@ class _Attempt:
     number: int = 1
 
 
-class ScenePool:
+class ScenePool(Generic[Result]):
     """Computes scenes on worker processes.
 
     Parameters
     ----------
     target
         The scene function as ``package.module:name``; called with a job and `arguments`.
+    result_type
+        What it returns; anything else fails its scene.
     arguments
         Further arguments of every call; they are pickled.
     workers
@@ -110,12 +113,14 @@ class ScenePool:
         self,
         *,
         target: str,
+        result_type: type[Result],
         arguments: tuple[Any, ...],
         workers: int,
         cores: int,
         log_folder: Path,
     ) -> None:
         self._target = target
+        self._result_type = result_type
         self._arguments = arguments
         self._workers = workers
         self._threads = max(1, cores // workers)
@@ -123,7 +128,7 @@ class ScenePool:
         self._alive: list[_Worker] = []
         self._started = 0
 
-    def run(self, jobs: Sequence[SceneJob]) -> Generator[PoolEvent]:
+    def run(self, jobs: Sequence[SceneJob]) -> Generator[PoolEvent[Result]]:
         """Compute jobs; events come as they happen, in no fixed order.
 
         Closing the iterator, as an exception in its loop does, kills the workers.
@@ -164,11 +169,19 @@ class ScenePool:
                         busy[worker.connection] = (worker, following)
                     else:
                         self._dismiss(worker)
-                    yield _event(attempt.job, message)
+                    yield self._event(attempt.job, message)
         finally:
             for worker in list(self._alive):
                 worker.process.kill()
                 self._bury(worker)
+
+    def _event(self, job: SceneJob, message: Done | Raised) -> SceneDone[Result] | SceneFailed:
+        if isinstance(message, Raised):
+            return SceneFailed(job, message.failure)
+        if not isinstance(message.result, self._result_type):
+            found, wanted = type(message.result).__name__, self._result_type.__name__
+            return SceneFailed(job, f"the scene function returned a {found}, not a {wanted}")
+        return SceneDone(job, message.result, message.seconds, message.peak_memory_mib)
 
     def _start(self) -> _Worker:
         self._started += 1
@@ -238,12 +251,3 @@ class _Worker:
         except (EOFError, OSError):
             return None
         return message
-
-
-def _event(job: SceneJob, message: Done | Raised) -> PoolEvent:
-    if isinstance(message, Raised):
-        return SceneFailed(job, message.failure)
-    if not isinstance(message.result, SceneResult):
-        kind = type(message.result).__name__
-        return SceneFailed(job, f"the scene function returned a {kind}, not a SceneResult")
-    return SceneDone(job, message.result, message.seconds, message.peak_memory_mib)

@@ -13,13 +13,12 @@ from PIL import Image
 from harness import cli
 from harness.config import load_config
 from harness.errors import InputError
+from harness.pictures import fit_width, label
 from harness.render import (
     RenderOptions,
     ScenePictures,
     colour_depth,
     depth_range,
-    fit_width,
-    label,
     overlay_mask,
     render_pictures,
     run_render,

@@ -16,6 +16,7 @@ import pytest
 from harness.config import Config
 from harness.runs.job import SceneJob
 from harness.runs.pool import SceneDone, SceneFailed, ScenePool, UnusableWorkerError, WorkerDied
+from harness.runs.records import SceneResult
 from harness.tests import fake_scenes
 from harness.tests.fake_scenes import begun, is_alive
 
@@ -25,16 +26,19 @@ if TYPE_CHECKING:
 JOBS = [SceneJob(f"mug-{i:04d}", "mug", "mug_0", seed=i) for i in range(5)]
 
 
-MakePool = Callable[..., ScenePool]
+MakePool = Callable[..., ScenePool[SceneResult]]
 
 
 @pytest.fixture
 def make_pool(tmp_path: Path) -> MakePool:
-    def make(function: str = "run_scene", *, workers: int = 2, cores: int = 2) -> ScenePool:
+    def make(
+        function: str = "run_scene", *, workers: int = 2, cores: int = 2
+    ) -> ScenePool[SceneResult]:
         logs = tmp_path / "logs"
         logs.mkdir(exist_ok=True)
         return ScenePool(
             target=f"{fake_scenes.__name__}:{function}",
+            result_type=SceneResult,
             arguments=(Config(),),
             workers=workers,
             cores=cores,

@@ -1,0 +1,262 @@
+"""One scene of the report: complete its target by every completer and measure the clouds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from harness.asked import no_completion
+from harness.completion.baselines import mirrored, observed_only, scaled_mean_shape
+from harness.completion.clouds import observed_points
+from harness.completion.handle import find_handle
+from harness.completion.metrics import MM, PARTS, Measured, Surface, measure_cloud
+from harness.completion.pictures import draw_scene
+from harness.completion.rows import CloudRow, HandleRow, LatencyRow, SceneRows, ViewsRow
+from harness.completion.spread import mean_mm, score_spread
+from harness.scene_run import SceneFailure, find_mapped, map_scene, simulate_job
+from sim_scenes.geometry import apply, inverse
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    import numpy.typing as npt
+
+    from harness.asked import Completion
+    from harness.completion.mean_shape import MeanShape
+    from harness.completion.rows import Completer
+    from harness.config import Config
+    from harness.native import Pipeline
+    from harness.runs.job import SceneJob
+    from sim_scenes import Scene, SceneObject
+
+    Floats = npt.NDArray[np.float64]
+
+STAGES = ("complete", "refine")
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What every scene of the report is asked.
+
+    Attributes
+    ----------
+    completers
+        In the order of their rows.
+    mean_shapes
+        By category.
+    pictures
+        Folder of the scenes' pictures.
+    """
+
+    completers: tuple[Completer, ...]
+    mean_shapes: Mapping[str, MeanShape]
+    pictures: Path
+
+
+@dataclass(frozen=True, eq=False)
+class Completed:
+    """What a completer made of the target.
+
+    Attributes
+    ----------
+    completion
+        None where it made nothing, for the reason given.
+    seconds
+        Time of each stage, all frames together.
+    """
+
+    completion: Completion | None
+    reason: str
+    seconds: Mapping[str, float]
+
+
+def score_scene(job: SceneJob, config: Config, plan: Plan) -> SceneRows:
+    """Simulate a job's scene and measure every completer and baseline; the workers' function."""
+    return measure_scene(simulate_job(job, config), job=job, config=config, plan=plan)
+
+
+def measure_scene(scene: Scene, *, job: SceneJob, config: Config, plan: Plan) -> SceneRows:
+    """Measure every completer and baseline on a scene's target, its first object.
+
+    Raises
+    ------
+    SceneFailure
+        No view measured a point of the target, or the map does not hold it.
+    """
+    target = scene.objects[0]
+    observed = observed_of(scene, target)
+    if len(observed) == 0:
+        raise SceneFailure(f"no view measured the depth of {target.name}")
+    surface = Surface.of(target, observed_world=observed, seed=job.seed)
+    camera = np.mean([frame.world_from_camera[:3, 3] for frame in scene.frames], axis=0)
+    table_height_m = float(config.pipeline["metric"]["table_height_m"])
+    baselines = {
+        "observed": observed_only(observed),
+        "mean shape": scaled_mean_shape(
+            plan.mean_shapes[target.category], observed, table_height_m=table_height_m
+        ),
+        "mirrored": mirrored(observed, camera_world=camera),
+    }
+    found = {
+        item.name: complete_target(scene, completer=item, config=config) for item in plan.completers
+    }
+    clouds: dict[str, Completion] = {
+        name: item.completion for name, item in found.items() if item.completion is not None
+    }
+    points = {name: cloud.points_world for name, cloud in clouds.items()} | baselines
+    measured = {name: measure_cloud(cloud, surface) for name, cloud in points.items()}
+    draw_scene(
+        plan.pictures / f"{job.scene_id}.png",
+        surface.truth,
+        title=job.scene_id,
+        surface_world=surface.samples_world,
+        observed_world=observed,
+        clouds={name: cloud.points_world for name, cloud in clouds.items()},
+        camera_world=camera,
+    )
+    return SceneRows(
+        scene_id=job.scene_id,
+        category=target.category,
+        object_name=target.name,
+        unseen_share=float(1.0 - surface.seen.mean()),
+        clouds=tuple(
+            CloudRow(name, part, measured[name].scores[part]) for name in points for part in PARTS
+        ),
+        spreads={
+            name: score_spread(cloud.spread_m, cloud.confidence, measured[name].distances_m)
+            for name, cloud in clouds.items()
+        },
+        handles=handle_rows(clouds, surface, target) if target.category == "mug" else (),
+        views=views_rows(scene, measured, surface, config=config, plan=plan),
+        latencies=tuple(
+            row
+            for name, item in found.items()
+            for row in latency_rows(name, item.seconds, scene=scene)
+        ),
+        uncompleted={name: item.reason for name, item in found.items() if item.completion is None},
+    )
+
+
+def observed_of(scene: Scene, target: SceneObject) -> Floats:
+    """Points (n, 3) that all views measured on an object, metres, world."""
+    return np.concatenate(
+        [observed_points(frame, instance_id=target.instance_id) for frame in scene.frames]
+    )
+
+
+def with_completer(config: Config, completer: Completer) -> Config:
+    """Let a configuration's pipeline complete as a completer says."""
+    settings = config.pipeline | {
+        "completer": completer.setting,
+        "completion": config.pipeline["completion"] | {"refine": completer.refine},
+    }
+    return config.model_copy(update={"pipeline": settings})
+
+
+def complete_target(scene: Scene, *, completer: Completer, config: Config) -> Completed:
+    """Map a scene under a completer and take what it made of the target.
+
+    Raises
+    ------
+    SceneFailure
+        The map does not hold the target.
+    """
+    pipeline = map_scene(scene, config=with_completer(config, completer))
+    mapped = find_mapped(pipeline.objects(), scene.objects[0])
+    completion = pipeline.completion(mapped.id)
+    reason = "" if completion is not None else no_completion(pipeline, mapped.id)
+    return Completed(completion, reason, stage_seconds(pipeline))
+
+
+def stage_seconds(pipeline: Pipeline) -> dict[str, float]:
+    """Read the time that a pipeline has spent on completion, by stage."""
+    return {stage: seconds for stage, _, seconds in pipeline.timings() if stage in STAGES}
+
+
+def latency_rows(name: str, seconds: Mapping[str, float], *, scene: Scene) -> list[LatencyRow]:
+    """Give each stage's time per frame, and their total."""
+    per_frame = {stage: MM * time / len(scene.frames) for stage, time in seconds.items()}
+    per_frame["total"] = sum(per_frame.values())
+    return [LatencyRow(name, stage, len(scene.objects), t) for stage, t in per_frame.items()]
+
+
+def views_rows(
+    scene: Scene,
+    measured: Mapping[str, Measured],
+    surface: Surface,
+    *,
+    config: Config,
+    plan: Plan,
+) -> tuple[ViewsRow, ...]:
+    """Hold each completer's fused cloud against those that single views give; none with one view.
+
+    All are measured against the same samples of the surface.
+    """
+    if len(scene.frames) < 2:
+        return ()
+    rows = []
+    for completer in plan.completers:
+        if completer.name not in measured:
+            continue
+        single = []
+        for frame in scene.frames:
+            alone = replace(scene, frames=(frame,))
+            try:
+                found = complete_target(alone, completer=completer, config=config)
+            except SceneFailure:
+                # A view may show too little of the target to be mapped.
+                continue
+            if found.completion is not None:
+                cloud = measure_cloud(found.completion.points_world, surface)
+                single.append(_chamfer_mm(cloud))
+        if single:
+            rows.append(
+                ViewsRow(
+                    cloud=completer.name,
+                    fused_mm=_chamfer_mm(measured[completer.name]),
+                    best_mm=min(single),
+                    mean_mm=float(np.mean(single)),
+                    views=len(single),
+                )
+            )
+    return tuple(rows)
+
+
+def _chamfer_mm(measured: Measured) -> float:
+    chamfer = measured.scores["all"].chamfer_mm
+    if chamfer is None:
+        raise SceneFailure("a completer gave a cloud without points")
+    return chamfer
+
+
+def handle_rows(
+    clouds: Mapping[str, Completion], surface: Surface, target: SceneObject
+) -> tuple[HandleRow, ...]:
+    """Say what each completer made of a mug's handle; none of a mug without one."""
+    object_from_world = inverse(target.world_from_object)
+    samples = apply(object_from_world, surface.samples_world)
+    mug = find_handle(samples)
+    if mug is None:
+        return ()
+    handle = mug.is_handle(samples)
+    rows = []
+    for name, cloud in clouds.items():
+        points = apply(object_from_world, cloud.points_world)
+        outcome, made = mug.outcome(points)
+        distances, nearest = cKDTree(points).query(samples[handle])
+        rows.append(
+            HandleRow(
+                cloud=name,
+                seen_share=float(surface.seen[handle].mean()),
+                outcome=outcome.value,
+                distance_mm=float(np.mean(distances)) * MM,
+                spread_at_handle_mm=float(cloud.spread_m[nearest].mean()) * MM,
+                spread_made_mm=mean_mm(cloud.spread_m, made),
+                spread_mm=float(cloud.spread_m.mean()) * MM,
+            )
+        )
+    return tuple(rows)
