@@ -13,6 +13,9 @@ from harness.runs.progress import ConsoleProgress
 
 commands = typer.Typer()
 
+LEAST_WIDTH = 124
+"""Columns that the report's widest table takes."""
+
 
 @commands.command(
     name="completion-report",
@@ -86,7 +89,10 @@ def completion_report(
     if json:
         typer.echo(result.text, nl=False)
         return EXIT_OK
-    stdout().print(render_report(result.report))
+    console = stdout()
+    # A narrower terminal folds lines; a table squeezed into it would cut numbers.
+    console.width = max(console.width, LEAST_WIDTH)
+    console.print(render_report(result.report))
     failed = f", {len(result.failures)} failed" if result.failures else ""
     print_line(
         f"{result.scenes} scenes{failed} in {result.seconds:.0f} s; written to {result.folder} "

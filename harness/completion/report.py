@@ -131,7 +131,7 @@ def _means(
 def _differences(title: str, rows: Sequence[Summary]) -> RenderableType:
     if not rows:
         return Text(f"{title}: none", style="dim")
-    keys = list(rows[0].values)
+    keys = [key for key in rows[0].values if key != "f_10mm"]
     grid = _grid(title, [HEADINGS[key] for key in keys])
     for row in rows:
         cells = [Text(_signed(row.values[key]), style=_style(row.values[key], key)) for key in keys]

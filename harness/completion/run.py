@@ -107,7 +107,7 @@ def run_report(
     options: CompletionOptions,
     *,
     progress: Progress | None = None,
-    scene_function: str = SCENE_FUNCTION,
+    scene_function: str | None = None,
 ) -> CompletionResult:
     """Measure the completers and write the report.
 
@@ -141,7 +141,7 @@ def run_report(
             plan=plan,
             logs=folder / "logs",
             progress=progress,
-            scene_function=scene_function,
+            scene_function=scene_function or SCENE_FUNCTION,
         )
     if not scenes:
         scene_id, why = next(iter(failures.items()))
