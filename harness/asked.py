@@ -11,6 +11,7 @@ from harness.protocol import COMPLETED, HasCompleter, completion_name, draw_test
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
     import numpy.typing as npt
 
@@ -35,6 +36,10 @@ class Completion(Protocol):
     @property
     def confidence(self) -> Floats:
         """Probability (n,) that each lies within 5 mm of the true surface."""
+        ...
+
+    def write_ply(self, path: Path) -> None:
+        """Write points and spreads as a PLY file."""
         ...
 
 

@@ -12,7 +12,7 @@ from sim_scenes.geometry import apply
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from sim_scenes import Frame
+    from sim_scenes import Frame, Scene, SceneObject
 
     Floats = npt.NDArray[np.float64]
 
@@ -29,6 +29,13 @@ def observed_points(frame: Frame, *, instance_id: int) -> Floats:
     depth_m = frame.depth_m.astype(np.float64)
     camera = np.stack([x * depth_m, y * depth_m, depth_m], axis=-1)[shown]
     return apply(frame.world_from_camera, camera)
+
+
+def observed_of(scene: Scene, target: SceneObject) -> Floats:
+    """Points (n, 3) that all views measured on an object, metres, world."""
+    return np.concatenate(
+        [observed_points(frame, instance_id=target.instance_id) for frame in scene.frames]
+    )
 
 
 def nearest_m(points: Floats, others: Floats) -> Floats:

@@ -60,7 +60,7 @@ def draw_panels(
     size
         Of a panel, pixels.
     """
-    red = Dots(spread_evenly(observed_world, count=OBSERVED_POINTS), OBSERVED_COLOUR)
+    red = Dots(observed_world, OBSERVED_COLOUR)
     front, back = (
         Backdrop(truth, view)
         for view in two_sides(surface_world, camera_world=camera_world, size=size)
@@ -86,7 +86,7 @@ def draw_scene(
     panels = draw_panels(
         truth,
         surface_world=surface_world,
-        observed_world=observed_world,
+        observed_world=spread_evenly(observed_world, count=OBSERVED_POINTS),
         clouds=clouds,
         camera_world=camera_world,
     )

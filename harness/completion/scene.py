@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from harness.asked import no_completion
 from harness.completion.baselines import mirrored, observed_only, scaled_mean_shape
-from harness.completion.clouds import observed_points
+from harness.completion.clouds import observed_of
 from harness.completion.handle import find_handle
 from harness.completion.metrics import MM, PARTS, Measured, Surface, measure_cloud
 from harness.completion.pictures import draw_scene
@@ -138,13 +138,6 @@ def measure_scene(scene: Scene, *, job: SceneJob, config: Config, plan: Plan) ->
             for row in latency_rows(name, item.seconds, scene=scene)
         ),
         uncompleted={name: item.reason for name, item in found.items() if item.completion is None},
-    )
-
-
-def observed_of(scene: Scene, target: SceneObject) -> Floats:
-    """Points (n, 3) that all views measured on an object, metres, world."""
-    return np.concatenate(
-        [observed_points(frame, instance_id=target.instance_id) for frame in scene.frames]
     )
 
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 NEAR_M = 0.005
 
@@ -20,6 +23,9 @@ class FakeCompletion:
     @property
     def confidence(self) -> np.ndarray:
         return np.asarray(1.0 - np.exp(-NEAR_M / self.spread_m))
+
+    def write_ply(self, path: Path) -> None:
+        path.write_text(f"{len(self.points_world)} points", encoding="utf-8")
 
 
 @dataclass(frozen=True, eq=False)
