@@ -8,11 +8,13 @@ pub mod cloud;
 mod completer;
 mod error;
 mod even;
+mod fuse;
 mod observed;
 mod refine;
 
 pub use completer::{Completer, Uncompleted};
 pub use error::CompleteError;
 pub use even::even_order;
+pub use fuse::{SeenSpace, SpreadCloud, fuse};
 pub use observed::observed_points;
 pub use refine::{Refined, refine};
