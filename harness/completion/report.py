@@ -51,7 +51,8 @@ EXPLANATION = (
     "harmonic mean of the shares within the distance in both directions; in 5 mm is the share of "
     "the cloud's points within 5 mm of the true mesh. Seen is what lies within 5 mm of an observed "
     "point. Differences are paired by scene, with 95 % bootstrap (BCa) intervals that draw objects "
-    f"with all their scenes: none ({UNDEFINED}) below {LEAST_OBJECTS} objects. AUROC is that of "
+    f"with all their scenes: none ({UNDEFINED}) below {LEAST_OBJECTS} objects; n counts the scenes "
+    "that define a value, where not all do. AUROC is that of "
     "the spread for points farther than 5 mm from the mesh."
 )
 
@@ -121,7 +122,9 @@ def _means(
         grid.add_row(
             row.cloud,
             *(
-                _signed(row.values[key]) if key.startswith(differences) else _mean(row.values[key])
+                _signed(row.values[key])
+                if key.startswith(differences)
+                else _mean(row.values[key], scenes=row.scenes)
                 for key in keys
             ),
         )
@@ -151,7 +154,7 @@ def _handles(handles: Sequence[HandleSummary]) -> Iterable[RenderableType]:
             f"{item.cloud}, {'unseen' if item.unseen else 'seen'}",
             str(item.means.scenes),
             *(str(item.outcomes[outcome]) for outcome in outcomes),
-            *(_mean(item.means.values[key]) for key in keys),
+            *(_mean(item.means.values[key], scenes=item.means.scenes) for key in keys),
         )
     yield grid
     yield Text()
@@ -181,8 +184,11 @@ def _grid(title: str, headings: Sequence[str]) -> Grid:
     return grid
 
 
-def _mean(estimate: MeanEstimate) -> str:
-    return UNDEFINED if estimate.mean is None else f"{estimate.mean:.2f}"
+def _mean(estimate: MeanEstimate, *, scenes: int) -> str:
+    if estimate.mean is None:
+        return UNDEFINED
+    partly = f" (n={estimate.count})" if estimate.count < scenes else ""
+    return f"{estimate.mean:.2f}{partly}"
 
 
 def _signed(estimate: MeanEstimate) -> str:

@@ -52,7 +52,7 @@ def test_a_surface_is_grey_on_the_ground() -> None:
     assert (picture[outside] == GROUND).all()
 
 
-@pytest.mark.parametrize(("y", "shown"), [(-0.01, True), (0.003, True), (0.01, False)])
+@pytest.mark.parametrize(("y", "shown"), [(-0.01, True), (0.0015, True), (0.01, False)])
 def test_a_point_well_behind_the_surface_is_hidden(y: float, *, shown: bool) -> None:
     picture = Backdrop(SQUARE, VIEW).draw([dot(0.0, y, 0.0)])
     assert (picture[30, 40] == COMPLETED_COLOUR).all() == shown
