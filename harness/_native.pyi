@@ -8,6 +8,7 @@ import numpy.typing as npt
 _Floats = npt.NDArray[np.float64]
 
 __all__ = [
+    "Completion",
     "Hyperparameters",
     "MappedObject",
     "MeshTruth",
@@ -91,6 +92,35 @@ class MappedObject:
     @property
     def rgb(self) -> npt.NDArray[np.uint8]: ...
     def write_ply(self, path: str | PathLike[str]) -> None: ...
+
+@final
+class Completion:
+    """An object's completed shape in the world.
+
+    ``points_world`` (n, 3) lie on the surface, seen and unseen, every prefix of them spread evenly;
+    ``spread_m`` (n,) is the expected distance of each from the true surface, metres, and
+    ``confidence`` (n,) the probability that it lies within 5 mm, for Laplace's distribution:
+    1 - exp(-0.005 / spread). The residuals are the mean distance of the view's observed points from
+    the completed surface before and after its registration, metres; None without one and for what
+    several views gave together.
+    """
+
+    @property
+    def category(self) -> str: ...
+    @property
+    def score(self) -> float: ...
+    @property
+    def points_world(self) -> _Floats: ...
+    @property
+    def spread_m(self) -> _Floats: ...
+    @property
+    def confidence(self) -> _Floats: ...
+    @property
+    def residual_before_m(self) -> float | None: ...
+    @property
+    def residual_after_m(self) -> float | None: ...
+    def write_ply(self, path: str | PathLike[str]) -> None:
+        """Write ``x y z spread``, doubles, metres, as binary PLY."""
 
 @final
 class Voxels:
@@ -177,6 +207,13 @@ class Pipeline:
     @property
     def segmenter(self) -> str: ...
     @property
+    def completer(self) -> str:
+        """Name of the completer: ``"none"``, or ``"python:module.function"``.
+
+        Such a function is imported when the pipeline is made, and called for every frame as
+        `harness.native.CompleterFunction` says.
+        """
+    @property
     def models(self) -> list[str]: ...
     def add_frame(
         self,
@@ -189,6 +226,15 @@ class Pipeline:
         categories: Mapping[int, str] | None = None,
     ) -> list[int | None]: ...
     def objects(self) -> list[MappedObject]: ...
+    def completion(self, object_id: int) -> Completion | None:
+        """Fuse what the views of an object gave; None if none of them completed it."""
+
+    def view_completions(self, object_id: int) -> list[Completion]:
+        """List what each view that completed an object gave, in their order."""
+
+    def uncompleted(self, object_id: int) -> str | None:
+        """Say why an object has no completion, by its last view; None if it has one."""
+
     def voxels(self) -> Voxels: ...
     def training_set(self, object_id: int, *, seed: int) -> TrainingSet: ...
     def classify(

@@ -8,7 +8,13 @@ ValueError.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
 from harness._native import (
+    Completion,
     Hyperparameters,
     MappedObject,
     MeshTruth,
@@ -24,10 +30,63 @@ from harness._native import (
     nearest_observation,
 )
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+Floats = npt.NDArray[np.float64]
+
+
+class CompleterFunction(Protocol):
+    """What ``completer = "python:module.function"`` names: a function that completes shapes.
+
+    It is imported where the pipeline is made, in worker processes too, and called for every frame
+    with an object in view. An exception that it raises, or an answer that breaks this protocol,
+    raises ValueError in `Pipeline.add_frame`, whose cause is that exception; the map is unchanged.
+    """
+
+    def __call__(
+        self,
+        *,
+        rgb: npt.NDArray[np.uint8],
+        depth_m: npt.NDArray[np.float32],
+        intrinsics: tuple[float, float, float, float],
+        world_from_camera: Floats,
+        masks: npt.NDArray[np.bool_],
+        categories: list[str],
+    ) -> Sequence[tuple[Floats, Floats | None] | None]:
+        """Complete the objects in a frame.
+
+        Parameters
+        ----------
+        rgb : (h, w, 3) uint8
+        depth_m : (h, w) float32
+            Along the optical axis, metres; NaN where nothing was measured.
+        intrinsics
+            fx, fy, cx, cy in pixels; the centre of the first pixel is (0, 0).
+        world_from_camera : (4, 4) float64
+            Camera axes are x right, y down, z forward; the world's z points up.
+        masks : (n, h, w) bool
+            The pixels of each of n objects.
+        categories
+            Their names.
+
+        Returns
+        -------
+        Sequence
+            One entry for each object, in their order: None if it is not completed, or
+            ``(points_camera, spread_m)``: points on its whole surface, (k, 3) float64, metres, in
+            the camera's frame, and the expected distance of each from the true surface, (k,)
+            float64, metres. None in place of the latter claims no doubt: a confidence of 1.
+        """
+        ...
+
+
 CLASS_NAMES = ("free", "bottle", "bowl", "camera", "can", "laptop", "mug")
 
 __all__ = [
     "CLASS_NAMES",
+    "CompleterFunction",
+    "Completion",
     "Hyperparameters",
     "MappedObject",
     "MeshTruth",

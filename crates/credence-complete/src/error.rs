@@ -25,6 +25,17 @@ pub enum CompleteError {
         name: String,
         /// What it did, and the remedy.
         why: String,
+        /// The failure in its own language.
+        #[source]
+        source: Option<Box<dyn std::error::Error + Send + Sync>>,
+    },
+    /// A completer that forgot instances or made some up.
+    #[error("the completer gave {found} answers; {expected} instances need one each")]
+    Count {
+        /// Answers given.
+        found: usize,
+        /// Instances asked about.
+        expected: usize,
     },
     /// More points than a search can hold.
     #[error("{count} points are more than a neighbour search can hold; pass fewer")]

@@ -292,7 +292,7 @@ mod tests {
             is_free: &|_| true,
             ..UNSEEN
         };
-        assert_eq!(fuse(&[view.clone()], &free, 2).unwrap(), view);
+        assert_eq!(fuse(std::slice::from_ref(&view), &free, 2).unwrap(), view);
         assert_eq!(fuse(&[], &UNSEEN, 5).unwrap(), SpreadCloud::default());
         assert_eq!(
             fuse(&[view, row(&[])], &free, 5).unwrap(),

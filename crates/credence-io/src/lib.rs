@@ -15,4 +15,4 @@ mod ply;
 
 pub use error::IoError;
 pub use octomap::{read_octomap, write_bt, write_ot};
-pub use ply::{read_point_cloud, write_point_cloud};
+pub use ply::{read_point_cloud, write_point_cloud, write_spread_cloud};

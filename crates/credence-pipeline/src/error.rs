@@ -99,6 +99,9 @@ pub enum PipelineError {
     /// The map cannot answer.
     #[error(transparent)]
     Map(#[from] credence_map::MapError),
+    /// The completer cannot work with a frame, or broke its protocol.
+    #[error(transparent)]
+    Complete(#[from] credence_complete::CompleteError),
     /// A network cannot be loaded, or cannot embed these points.
     #[error(transparent)]
     Embed(#[from] credence_embed::EmbedError),

@@ -7,6 +7,8 @@
 )]
 
 mod arrays;
+mod completer;
+mod completion;
 mod errors;
 mod gp;
 mod map;
@@ -19,6 +21,7 @@ use pyo3::prelude::*;
 mod _native {
     #[pymodule_export]
     use super::{
+        completion::PyCompletion,
         gp::{gp_log_likelihood, gp_posterior},
         map::{PyMappedObject, PyOccupancyMap, PyVoxels},
         pipeline::{

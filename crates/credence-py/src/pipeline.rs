@@ -16,6 +16,8 @@ use pyo3::{
 
 use crate::{
     arrays::{self, Array},
+    completer,
+    completion::PyCompletion,
     errors::to_python,
     map::{PyMappedObject, PyOccupancyMap, PyVoxels},
 };
@@ -23,14 +25,14 @@ use crate::{
 /// Checks the JSON text of a pipeline configuration, whether a pipeline can be made of it, and
 /// returns it with every default written out.
 #[pyfunction]
-pub(crate) fn check_pipeline_config(text: &str) -> PyResult<String> {
-    let checked = || {
+pub(crate) fn check_pipeline_config(py: Python<'_>, text: &str) -> PyResult<String> {
+    let read = || {
         let config = Config::from_json(text)?;
-        let whole = config.to_json()?;
-        Pipeline::new(config)?;
-        Ok::<_, PipelineError>(whole)
+        Ok((config.to_json()?, config))
     };
-    checked().map_err(|err| to_python(&err))
+    let (whole, config) = read().map_err(|err: PipelineError| to_python(&err))?;
+    completer::pipeline(py, config)?;
+    Ok(whole)
 }
 
 /// What a classifier learns about one object.
@@ -243,16 +245,19 @@ pub(crate) struct PyPipeline(Pipeline);
 impl PyPipeline {
     #[new]
     #[pyo3(signature = (config = "{}"))]
-    fn new(config: &str) -> PyResult<Self> {
-        Config::from_json(config)
-            .and_then(Pipeline::new)
-            .map(Self)
-            .map_err(|err| to_python(&err))
+    fn new(py: Python<'_>, config: &str) -> PyResult<Self> {
+        let config = Config::from_json(config).map_err(|err| to_python(&err))?;
+        completer::pipeline(py, config).map(Self)
     }
 
     #[getter]
     fn segmenter(&self) -> String {
         self.0.config().segmenter.to_string()
+    }
+
+    #[getter]
+    fn completer(&self) -> String {
+        self.0.config().completer.to_string()
     }
 
     #[getter]
@@ -316,6 +321,29 @@ impl PyPipeline {
             voxels: self.0.map().voxels().collect(),
             size_m: self.0.map().config().resolution_m,
         })
+    }
+
+    /// The completed shape of an object: what all views gave, together; None if none completed it.
+    fn completion(&mut self, py: Python<'_>, object_id: u32) -> PyResult<Option<PyCompletion>> {
+        py.detach(|| self.0.completion(ObjectId(object_id)))
+            .map(|completion| completion.map(PyCompletion))
+            .map_err(|err| to_python(&err))
+    }
+
+    /// What each view that completed an object gave of it.
+    fn view_completions(&self, py: Python<'_>, object_id: u32) -> PyResult<Vec<PyCompletion>> {
+        let copy = || {
+            let views = self.0.view_completions(ObjectId(object_id))?;
+            Ok(views.iter().cloned().map(PyCompletion).collect())
+        };
+        py.detach(copy)
+            .map_err(|err: PipelineError| to_python(&err))
+    }
+
+    /// Why an object has no completion; None if it has one.
+    fn uncompleted(&self, object_id: u32) -> PyResult<Option<String>> {
+        let why = self.0.uncompleted(ObjectId(object_id));
+        why.map_err(|err| to_python(&err))
     }
 
     #[pyo3(signature = (object_id, *, seed))]

@@ -58,6 +58,16 @@ impl Intrinsics {
         self.width * self.height
     }
 
+    /// Focal lengths \[fx, fy\], pixels.
+    pub const fn focal_px(&self) -> [f64; 2] {
+        [self.fx, self.fy]
+    }
+
+    /// Principal point \[cx, cy\], pixels.
+    pub const fn centre_px(&self) -> [f64; 2] {
+        [self.cx, self.cy]
+    }
+
     /// Pixel (u, v) on which a camera-frame point falls; `None` behind the camera.
     pub fn project(&self, point_camera: &Point) -> Option<[f64; 2]> {
         let Point { coords } = point_camera;
@@ -87,6 +97,10 @@ mod tests {
         assert_eq!(camera.project(&Point::new(0.0, 0.0, 1.0)), Some([1.5, 1.5]));
         assert_eq!(camera.ray(1.0, 2.0), Vector3::new(-0.25, 0.25, 1.0));
         assert_eq!(camera.project(&Point::new(0.0, 0.0, -1.0)), None);
+        assert_eq!(
+            (camera.focal_px(), camera.centre_px()),
+            ([2.0; 2], [1.5; 2])
+        );
     }
 
     #[test]

@@ -47,6 +47,12 @@ impl Pose {
         Self(IsometryMatrix3::identity())
     }
 
+    /// The 4x4 row-major matrix.
+    pub fn to_matrix(self) -> [[f64; 4]; 4] {
+        let matrix = self.0.to_homogeneous();
+        std::array::from_fn(|row| std::array::from_fn(|column| matrix[(row, column)]))
+    }
+
     /// `source_from_target`.
     pub fn inverse(&self) -> Self {
         Self(self.0.inverse())
@@ -89,6 +95,7 @@ mod tests {
             Point::new(1.0, 0.0, 0.0)
         );
         assert_eq!(pose.origin(), Point::new(1.0, 2.0, 3.0));
+        assert_eq!(pose.to_matrix(), QUARTER_TURN_ABOUT_Z);
     }
 
     #[test]

@@ -7,7 +7,7 @@ mod write;
 
 use std::path::Path;
 
-use credence_types::PointCloud;
+use credence_types::{Point, PointCloud};
 
 use crate::{IoError, bytes::read_file};
 
@@ -31,6 +31,20 @@ pub fn read_point_cloud(path: impl AsRef<Path>) -> Result<PointCloud, IoError> {
 /// then.
 pub fn write_point_cloud(cloud: &PointCloud, path: impl AsRef<Path>) -> Result<(), IoError> {
     write::write(cloud, path.as_ref())
+}
+
+/// Writes points and the spread of each as binary little-endian PLY: `x`, `y`, `z` and `spread`,
+/// all as double, metres.
+///
+/// # Errors
+/// Points that are not finite or lack a spread; a file that cannot be written. Nothing is left
+/// then.
+pub fn write_spread_cloud(
+    points_world: &[Point],
+    spread_m: &[f64],
+    path: impl AsRef<Path>,
+) -> Result<(), IoError> {
+    write::write_spreads(points_world, spread_m, path.as_ref())
 }
 
 #[cfg(test)]

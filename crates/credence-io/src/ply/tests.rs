@@ -57,6 +57,28 @@ fn one_point_byte_for_byte() {
 }
 
 #[test]
+fn a_point_and_its_spread_byte_for_byte() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cup.ply");
+    write_spread_cloud(&[Point::new(1.0, -2.0, 0.0)], &[0.5], &path).unwrap();
+    let header = "element vertex 1\nproperty double x\nproperty double y\nproperty double z\n";
+    let values = [1.0_f64, -2.0, 0.0, 0.5].map(f64::to_le_bytes).concat();
+    let header = format!("{header}property double spread\n");
+    let expected = file("binary_little_endian", &header, &values);
+    assert_eq!(std::fs::read(&path).unwrap(), expected);
+
+    let message = |points: &[Point], spread_m: &[f64]| {
+        let refused = write_spread_cloud(points, spread_m, &path).unwrap_err();
+        refused.to_string()
+    };
+    let origin = Point::origin();
+    assert!(message(&[origin], &[]).contains("1 points and 0 spreads"));
+    let nan = Point::new(f64::NAN, 0.0, 0.0);
+    assert!(message(&[origin, nan], &[0.0; 2]).contains("point 1 is at (NaN, 0, 0)"));
+    assert_eq!(std::fs::read(&path).unwrap(), expected);
+}
+
+#[test]
 fn passes_over_what_it_does_not_need() {
     // Colours first, a normal and a list among the coordinates, elements before and after.
     let header = "comment made by hand\r\nobj_info none\r\n\

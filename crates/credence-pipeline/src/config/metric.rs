@@ -2,7 +2,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::strict::{finite, positive};
+use super::strict::{finite, positive, refuse_empty};
 use crate::{KernelInput, PipelineError};
 
 /// Most parts of an observation.
@@ -15,11 +15,15 @@ const MAX_PARTS: usize = 32;
 pub struct Weights(String);
 
 impl Weights {
-    const EMBEDDED: &str = "embedded";
+    pub(super) const EMBEDDED: &str = "embedded";
 
     /// The file, if it is one.
     pub fn file(&self) -> Option<&Path> {
         (self.0 != Self::EMBEDDED).then(|| Path::new(&self.0))
+    }
+
+    pub(super) const fn is_empty(&self) -> bool {
+        self.0.is_empty()
     }
 }
 
@@ -110,13 +114,7 @@ impl MetricConfig {
             ("metric.query_weights", &self.query_weights),
             ("metric.metric_weights", &self.metric_weights),
         ] {
-            if weights.0.is_empty() {
-                return Err(PipelineError::Config(format!(
-                    "{key} is empty; name a file of weights, or \"{}\" for those that come with \
-                     the library",
-                    Weights::EMBEDDED
-                )));
-            }
+            refuse_empty(key, weights)?;
         }
         Ok(())
     }

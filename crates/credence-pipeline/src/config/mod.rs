@@ -1,4 +1,5 @@
 mod choices;
+mod completion;
 mod gp;
 mod map;
 mod metric;
@@ -9,6 +10,7 @@ mod tests;
 mod training;
 
 pub use choices::{AssociationChoice, KernelInput, ModelChoice, SegmenterChoice, SmoothnessChoice};
+pub use completion::{CompleterChoice, CompletionConfig, PythonFunction};
 pub use gp::{GpConfig, TunedConfig};
 pub use map::MapConfig;
 pub use metric::{MetricConfig, Weights};
@@ -26,6 +28,10 @@ use crate::PipelineError;
 pub struct Config {
     /// Which segmenter finds the objects.
     pub segmenter: SegmenterChoice,
+    /// Which completer imagines their whole shapes.
+    pub completer: CompleterChoice,
+    /// The completions.
+    pub completion: CompletionConfig,
     /// The semantic map.
     pub map: MapConfig,
     /// The points that a classifier learns from.
@@ -91,6 +97,7 @@ impl Config {
             positive(key, value)?;
         }
         self.metric.check()?;
+        self.completion.check()?;
         self.recalibration.check()?;
         let TrainingConfig {
             points,

@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value};
 
-use crate::{Config, PipelineError};
+use crate::{Config, PipelineError, Weights};
 
 pub(super) fn positive(key: &str, value: f64) -> Result<(), PipelineError> {
     if value.is_finite() && value > 0.0 {
@@ -19,6 +19,16 @@ pub(super) fn finite(key: &str, value: f64) -> Result<(), PipelineError> {
     }
     Err(PipelineError::Config(format!(
         "{key} is {value}; it must be finite"
+    )))
+}
+
+pub(super) fn refuse_empty(key: &str, weights: &Weights) -> Result<(), PipelineError> {
+    if !weights.is_empty() {
+        return Ok(());
+    }
+    Err(PipelineError::Config(format!(
+        "{key} is empty; name a file of weights, or \"{}\" for those that come with the library",
+        Weights::EMBEDDED
     )))
 }
 

@@ -145,3 +145,57 @@ fn values_out_of_range_are_refused_by_name() {
     assert!(message("[]").contains("expected a table"));
     assert!(message("{").contains("EOF"));
 }
+
+#[test]
+fn completers_go_by_name_or_by_the_functions() {
+    let completer = |name: &str| {
+        let text = serde_json::json!({ "completer": name }).to_string();
+        Config::from_json(&text).map(|config| config.completer)
+    };
+    assert_eq!(completer("none").unwrap(), CompleterChoice::None);
+    let python = completer("python:tools.shapes.complete").unwrap();
+    assert_eq!(
+        python,
+        CompleterChoice::Python(PythonFunction {
+            module: "tools.shapes".to_owned(),
+            function: "complete".to_owned(),
+        })
+    );
+    assert_eq!(python.to_string(), "python:tools.shapes.complete");
+    let config = Config {
+        completer: python,
+        ..Config::default()
+    };
+    assert_eq!(
+        Config::from_json(&config.to_json().unwrap()).unwrap(),
+        config
+    );
+    for name in [
+        "clod",
+        "",
+        "python:",
+        "python:complete",
+        "python:a..b",
+        "python:a.b c",
+        "python:a.1b",
+        "tools.complete",
+    ] {
+        let refused = completer(name).unwrap_err().to_string();
+        let expected = format!("configuration: completer is \"{name}\"; expected `none`");
+        assert!(refused.contains(&expected), "{refused}");
+        assert!(refused.contains("\"python:module.function\""), "{refused}");
+    }
+}
+
+#[test]
+fn settings_of_completion_are_checked() {
+    assert!(message(r#"{"completer": 1}"#).ends_with("completer is 1; expected a text"));
+    assert!(
+        message(r#"{"completion": {"refin": true}}"#).ends_with("did you mean completion.refine?")
+    );
+    assert!(
+        message(r#"{"completion": {"points": 0}}"#)
+            .contains("completion.points is 0; it must lie in [1, 16384]")
+    );
+    assert!(message(r#"{"completion": {"weights": ""}}"#).contains("completion.weights is empty"));
+}

@@ -3,13 +3,16 @@ mod tests;
 
 use std::time::{Duration, Instant};
 
+use credence_complete::{CompleteError, Completer};
 use credence_embed::QueryEmbedding;
 use credence_map::{InsertReport, ObjectId, SemanticMap};
-use credence_types::{Frame, InvalidInput, Point};
+use credence_types::{Frame, Instance, InvalidInput, Point};
 
 use crate::{
-    Classification, Config, ModelChoice, PipelineError, Segmenter, TrainingSet,
+    Classification, Config, ModelChoice, ObjectCompletion, PipelineError, Segmenter, TrainingSet,
     classify::Evidence,
+    completers::Completers,
+    completion::{Completions, View, register},
     embedders::Embedders,
     models::{Question, Stopwatch, answer, embed_from},
     training::Viewpoints,
@@ -30,8 +33,10 @@ pub struct StageTime {
 pub struct Pipeline {
     config: Config,
     segmenter: Box<dyn Segmenter>,
+    completers: Completers,
     map: SemanticMap,
     viewpoints: Viewpoints,
+    completions: Completions,
     embedders: Embedders,
     times: Vec<StageTime>,
 }
@@ -40,14 +45,35 @@ impl Pipeline {
     /// An empty map and the stages that the configuration names.
     ///
     /// # Errors
-    /// A setting outside its range, a file of weights that cannot be read.
+    /// A setting outside its range, a file of weights that cannot be read, a completer from
+    /// Python.
     pub fn new(config: Config) -> Result<Self, PipelineError> {
         config.check()?;
+        let completers = Completers::new(&config)?;
+        Self::with(config, completers)
+    }
+
+    /// A pipeline whose objects `completer` completes, in place of the one that the configuration
+    /// names.
+    ///
+    /// # Errors
+    /// A setting outside its range, a file of weights that cannot be read.
+    pub fn with_completer(
+        config: Config,
+        completer: Box<dyn Completer>,
+    ) -> Result<Self, PipelineError> {
+        config.check()?;
+        Self::with(config, Completers::foreign(completer))
+    }
+
+    fn with(config: Config, completers: Completers) -> Result<Self, PipelineError> {
         let map = SemanticMap::new(config.map.settings())?;
         Ok(Self {
             segmenter: config.segmenter.build(),
+            completers,
             map,
             viewpoints: Viewpoints::default(),
+            completions: Completions::default(),
             embedders: Embedders::new(&config.metric)?,
             times: Vec::new(),
             config,
@@ -69,25 +95,102 @@ impl Pipeline {
         &self.times
     }
 
-    /// Segments a frame and inserts it into the map.
+    /// Segments a frame, completes the objects in it and inserts it into the map.
     ///
     /// # Errors
-    /// A frame that the segmenter or the map refuses; the map is unchanged then.
+    /// A frame that the segmenter, the completer or the map refuses; nothing is changed then.
     pub fn add_frame(&mut self, frame: &Frame) -> Result<InsertReport, PipelineError> {
         let start = Instant::now();
         let instances = self.segmenter.segment(frame)?;
         self.note("segment", None, start.elapsed());
+        let views = self.complete(frame, &instances)?;
         let start = Instant::now();
         let report = self.map.insert(frame, &instances)?;
         for id in &report.deleted {
             self.viewpoints.forget(*id);
+            self.completions.forget(*id);
         }
         let camera_world = frame.world_from_camera().origin();
         for id in report.objects.iter().flatten() {
             self.viewpoints.note(*id, &camera_world);
         }
+        for (id, view) in report.objects.iter().zip(views) {
+            if let Some(id) = id {
+                let points = self.config.completion.points;
+                self.completions.note(*id, view, frame, points);
+            }
+        }
         self.note("map", None, start.elapsed());
         Ok(report)
+    }
+
+    /// What the completer makes of the instances, one by one; nothing without one or the other.
+    fn complete(
+        &mut self,
+        frame: &Frame,
+        instances: &[Instance],
+    ) -> Result<Vec<View>, PipelineError> {
+        let completer = self.completers.get().filter(|_| !instances.is_empty());
+        let Some(completer) = completer else {
+            return Ok(Vec::new());
+        };
+        let start = Instant::now();
+        let completed = completer.complete(frame, instances)?;
+        if completed.len() != instances.len() {
+            return Err(CompleteError::Count {
+                found: completed.len(),
+                expected: instances.len(),
+            }
+            .into());
+        }
+        let mut views: Vec<View> = completed
+            .into_iter()
+            .map(|completed| completed.map(|completion| (completion, None)))
+            .collect();
+        self.note("complete", None, start.elapsed());
+        if self.config.completion.refine {
+            let start = Instant::now();
+            register(frame, instances, &mut views)?;
+            self.note("refine", None, start.elapsed());
+        }
+        Ok(views)
+    }
+
+    /// The completed shape of an object: what all views gave, together. `None` if no view
+    /// completed it: see [`uncompleted`](Self::uncompleted).
+    ///
+    /// # Errors
+    /// An id that is not tracked.
+    pub fn completion(&mut self, id: ObjectId) -> Result<Option<ObjectCompletion>, PipelineError> {
+        let start = Instant::now();
+        let config = &self.config.completion;
+        let fused = self.completions.fused(id, &self.map, config)?;
+        if fused.is_some() {
+            self.note("fuse", None, start.elapsed());
+        }
+        Ok(fused)
+    }
+
+    /// What each view that completed an object gave of it, in their order.
+    ///
+    /// # Errors
+    /// An id that is not tracked.
+    pub fn view_completions(&self, id: ObjectId) -> Result<&[ObjectCompletion], PipelineError> {
+        self.map.object(id)?;
+        Ok(self.completions.of(id))
+    }
+
+    /// Why an object has no completion, by the last view of it; `None` if it has one.
+    ///
+    /// # Errors
+    /// An id that is not tracked.
+    pub fn uncompleted(&self, id: ObjectId) -> Result<Option<String>, PipelineError> {
+        self.map.object(id)?;
+        if self.completers.get().is_none() {
+            let why = "no completer is chosen; set completer in the configuration";
+            return Ok(Some(why.to_owned()));
+        }
+        Ok(self.completions.uncompleted(id).map(ToString::to_string))
     }
 
     /// Draws the training points of an object.
