@@ -24,7 +24,7 @@ use crate::{
 pub(crate) fn pipeline(py: Python<'_>, config: Config) -> PyResult<Pipeline> {
     let made = match &config.completer {
         CompleterChoice::Python(function) => {
-            let completer = PythonCompleter::import(py, function)?;
+            let completer = PythonCompleter::import(py, function, config.completion.points)?;
             py.detach(|| Pipeline::with_completer(config, Box::new(completer)))
         }
         CompleterChoice::None => py.detach(|| Pipeline::new(config)),
@@ -36,10 +36,12 @@ pub(crate) fn pipeline(py: Python<'_>, config: Config) -> PyResult<Pipeline> {
 struct PythonCompleter {
     name: String,
     function: Py<PyAny>,
+    /// Points of a completion, at most.
+    points: usize,
 }
 
 impl PythonCompleter {
-    fn import(py: Python<'_>, choice: &PythonFunction) -> PyResult<Self> {
+    fn import(py: Python<'_>, choice: &PythonFunction, points: usize) -> PyResult<Self> {
         let name = CompleterChoice::Python(choice.clone()).to_string();
         let PythonFunction { module, function } = choice;
         let imported = py.import(module.as_str()).map_err(|cause| {
@@ -65,6 +67,7 @@ impl PythonCompleter {
         Ok(Self {
             name,
             function: found.unbind(),
+            points,
         })
     }
 
@@ -166,7 +169,7 @@ impl PythonCompleter {
             }
             spread_m
         };
-        let order = even_order(&points, points.len());
+        let order = even_order(&points, self.points);
         Ok(Ok(Completion {
             category: instance.category(),
             score: instance.score(),

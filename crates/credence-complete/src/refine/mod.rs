@@ -6,6 +6,8 @@ mod tests;
 mod visible;
 mod warp;
 
+use std::cmp::Ordering;
+
 use credence_types::{Completion, InvalidInput, Point};
 use nalgebra::{Matrix3, Vector3};
 use surface::{Side, Surface};
@@ -109,15 +111,23 @@ pub fn refine(
     let observed: Vec<Point> = thinned(observed_camera).map(|p| level * p).collect();
     let completed: Vec<Point> = completion.points_camera.iter().map(|p| level * p).collect();
     let centre = completed.iter().map(|p| p.coords).sum::<Vector3<f64>>() / completed.len() as f64;
+    let places = distinct(&completed);
+    let at_places =
+        |points: &[Point]| -> Vec<Point> { places.iter().map(|index| points[*index]).collect() };
+    let spread = |index: &usize| completion.spread_m.get(*index).copied().unwrap_or(0.0);
     let registration = Registration {
-        surface: Surface::new(&completed)?,
-        spread_m: &completion.spread_m,
+        surface: Surface::new(&at_places(&completed))?,
+        spread_m: places.iter().map(spread).collect(),
     };
     let warp = registration.search(Warp::identity(centre), &observed)?;
+    let linear = warp.linear();
+    let moved: Vec<Point> = completed
+        .iter()
+        .map(|point| warp.apply(&linear, point))
+        .collect();
     let before = residual_m(&registration.surface, &observed)?;
-    let moved: Vec<Point> = registration.surface.moved(&warp).centres().collect();
     // Discs of the moved points, not the moved discs: the residual is of the cloud alone.
-    let after = residual_m(&Surface::new(&moved)?, &observed)?;
+    let after = residual_m(&Surface::new(&at_places(&moved))?, &observed)?;
     if after >= before {
         return Ok(unchanged(before));
     }
@@ -130,6 +140,19 @@ pub fn refine(
         residual_before_m: before,
         residual_after_m: after,
     })
+}
+
+/// Indices of the points, of equal ones the first: a search tree of equal ones would be deep.
+fn distinct(points: &[Point]) -> Vec<usize> {
+    let by_place = |a: &usize, b: &usize| {
+        let axes = points[*a].iter().zip(points[*b].iter());
+        axes.fold(Ordering::Equal, |order, (a, b)| order.then(a.total_cmp(b)))
+    };
+    let mut indices: Vec<usize> = (0..points.len()).collect();
+    indices.sort_by(by_place);
+    indices.dedup_by(|a, b| by_place(a, b).is_eq());
+    indices.sort_unstable();
+    indices
 }
 
 /// Mean distance of observed points from a surface, each at most [`CAP_M`].
@@ -173,12 +196,12 @@ fn thinned(points: &[Point]) -> impl Iterator<Item = &Point> {
 }
 
 /// The completed surface and its doubts.
-struct Registration<'a> {
+struct Registration {
     surface: Surface,
-    spread_m: &'a [f64],
+    spread_m: Vec<f64>,
 }
 
-impl Registration<'_> {
+impl Registration {
     fn search(&self, start: Warp, observed: &[Point]) -> Result<Warp, CompleteError> {
         let mut warp = start;
         for stage in &STAGES {
@@ -208,7 +231,7 @@ impl Registration<'_> {
         let (mut information, mut pull): (Information, Parameters) = warp.prior();
         pull = -pull;
         for foot in &feet {
-            let doubt_m = self.spread_m.get(foot.index).copied().unwrap_or(0.0);
+            let doubt_m = self.spread_m[foot.index];
             let robust = (1.0 + (foot.offset_m / stage.scale_m).powi(2)).powi(-2);
             let weight = share * robust / (NOISE_M.powi(2) + doubt_m.powi(2));
             let row = tangents

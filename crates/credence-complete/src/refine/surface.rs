@@ -64,11 +64,6 @@ impl Surface {
         })
     }
 
-    /// The points.
-    pub(super) fn centres(&self) -> impl Iterator<Item = Point> {
-        self.discs.iter().map(|disc| disc.centre)
-    }
-
     /// The surface moved.
     pub(super) fn moved(&self, warp: &Warp) -> Self {
         let linear = warp.linear();
@@ -86,10 +81,17 @@ impl Surface {
 
     /// The nearest place of each query.
     pub(super) fn feet(&self, queries: &[Point], side: Side) -> Result<Vec<Foot>, CompleteError> {
-        let mut among: Vec<usize> = (0..self.discs.len()).collect();
-        if side == Side::Seen {
-            let seen = visible(&self.discs);
-            among.retain(|index| seen[*index]);
+        let all = 0..self.discs.len();
+        let mut among: Vec<usize> = match side {
+            Side::Any => Vec::new(),
+            Side::Seen => {
+                let seen = visible(&self.discs);
+                all.clone().filter(|index| seen[*index]).collect()
+            }
+        };
+        // Discs in disorder can all hide each other.
+        if among.is_empty() {
+            among = all.collect();
         }
         let centres: Vec<Point> = among
             .iter()

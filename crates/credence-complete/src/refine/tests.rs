@@ -147,6 +147,7 @@ fn clouds_without_a_surface_are_no_trouble() {
     let same = completion(std::iter::repeat_n(observed[7], 20_000));
     let refined = refine(&same, &observed, &up).unwrap();
     assert!(refined.residual_after_m <= refined.residual_before_m);
+    assert_eq!(refined.completion.points_camera.len(), 20_000);
     let refined = refine(&truth, &[], &up).unwrap();
     assert!(refined.residual_before_m.is_nan() && refined.completion == truth);
     let empty = completion(std::iter::empty());
