@@ -133,4 +133,4 @@ def gather_test_sets(
 def no_completion(pipeline: Completes, object_id: int) -> str:
     """Say why an object has no completion."""
     reason = pipeline.uncompleted(object_id) or "the pipeline gives no reason"
-    return f"{pipeline.completer} completes no object {object_id}: {reason}"
+    return f"object {object_id} has no completion: {reason}"

@@ -8,7 +8,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from harness.config import Config, Override, PipelineCheck, load_config
+from harness.config import Config, Override, PipelineCheck, check_test_sets, load_config
 from harness.errors import InputError
 from harness.results import tabulate
 from harness.runs.atomic import DiskError
@@ -217,11 +217,12 @@ def resolve_config(options: BenchOptions, *, check_pipeline: PipelineCheck | Non
     path = options.config
     if path is None and options.out is not None and RunDirectory.is_run(options.out):
         path = options.out / CONFIG
-    return load_config(
+    config = load_config(
         path,
         overrides=tuple(override for override in chosen if override.value is not None),
         check_pipeline=check_pipeline,
     )
+    return check_test_sets(config)
 
 
 def scene_problem(result: SceneResult, job: SceneJob) -> str | None:

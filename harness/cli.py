@@ -236,7 +236,7 @@ def render(
     ] = None,
     config: Annotated[Path | None, typer.Option(metavar="FILE", help="TOML, as for bench.")] = None,
 ) -> int:
-    """Write a scene's images, depth, masks and its map in 3-D as PNG."""
+    """Write a scene's images, depth, masks, its map in 3-D and its completed shapes."""
     from harness.render import RenderOptions, run_render
 
     pictures = run_render(
@@ -244,8 +244,12 @@ def render(
             scene=scene, cluttered=cluttered, seed=seed, objects=objects, out=out, config=config
         )
     )
+    for reason in pictures.uncompleted.values():
+        print_line(reason)
+    clouds = f" and {len(pictures.clouds)} completed clouds" if pictures.clouds else ""
     print_line(
-        f"{len(pictures.files)} pictures in {pictures.folder}; all in one: {pictures.montage}"
+        f"{len(pictures.files)} pictures{clouds} in {pictures.folder}; "
+        f"all in one: {pictures.montage}"
     )
     return EXIT_OK
 

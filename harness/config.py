@@ -242,13 +242,23 @@ def load_config(
         whole = (check_pipeline or _rust_pipeline_check)(config.pipeline_json())
     except (ValueError, OSError) as error:
         raise InputError(f"{source}: [pipeline] {error}") from None
-    pipeline = json.loads(whole)
-    if "completed" in config.protocol.test_sets and pipeline.get("completer") == "none":
+    return config.model_copy(update={"pipeline": json.loads(whole)})
+
+
+def check_test_sets(config: Config) -> Config:
+    """Return a configuration whose test sets its pipeline can make.
+
+    Raises
+    ------
+    InputError
+        The completed set is asked for, and nothing completes.
+    """
+    if "completed" in config.protocol.test_sets and config.pipeline.get("completer") == "none":
         raise InputError(
-            f"{source}: protocol.test_sets has 'completed' but pipeline.completer is 'none'; "
-            "name a completer, or take 'completed' out of the test sets"
+            "protocol.test_sets has 'completed' but pipeline.completer is 'none'; name a "
+            "completer, or take 'completed' out of the test sets"
         )
-    return config.model_copy(update={"pipeline": pipeline})
+    return config
 
 
 def differing_values(*, ours: Config, theirs: Config) -> list[tuple[str, Any, Any]]:

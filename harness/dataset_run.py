@@ -10,10 +10,12 @@
 ::
 
     RUN/maps/SCENE/occupancy.ot         the map as OctoMap writes it
-                   map.json             the mapped objects, and why any has no predictions
+                   map.json             the mapped objects, and why any has no predictions or no
+                                        completed shape
                    object_000001.parquet  predictions at points drawn evenly in the box of the
                                         object's observed points, padded: model, x, y, z (metres,
                                         world), class, confidence, score, variance
+                   completed_000001.ply the completed shape: x, y, z, spread (metres, world)
     RUN/unscored.json                   the scenes without scores: outcome and reason
 """
 
@@ -27,6 +29,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import polars as pl
 
+from harness.asked import no_completion
 from harness.bench import (
     Wiring,
     compute_scenes,
@@ -34,7 +37,7 @@ from harness.bench import (
     failed_records,
     scene_problem,
 )
-from harness.config import Config, Override, load_config
+from harness.config import Config, Override, check_test_sets, load_config
 from harness.dataset_export import CONFIG_FILE
 from harness.dataset_plan import DatasetJob, Plan, dataset_identity, plan_dataset
 from harness.errors import InputError
@@ -210,7 +213,8 @@ def _configuration(options: DatasetOptions, dataset: BopDataset) -> Config:
         Override("run.workers", options.workers, "--workers"),
     )
     overrides = tuple(override for override in chosen if override.value is not None)
-    return load_config(path, overrides=overrides)
+    config = load_config(path, overrides=overrides)
+    return check_test_sets(config)
 
 
 def _problem(result: SceneResult, job: SceneJob) -> str | None:
@@ -239,6 +243,11 @@ def _write_map(scene: Scene, *, job: DatasetJob, config: Config, clock: StageClo
             entry["predictions"] = name
         except ValueError as error:
             entry["without_predictions"] = str(error)
+        if (completion := pipeline.completion(item.id)) is not None:
+            entry["completed"] = f"completed_{item.id:06d}.ply"
+            completion.write_ply(folder / entry["completed"])
+        elif pipeline.completer != "none":
+            entry["without_completion"] = no_completion(pipeline, item.id)
         entries.append(entry)
     write_text(folder / "map.json", json.dumps({"objects": entries}, indent=2) + "\n")
     for stage, model, seconds in pipeline.timings():

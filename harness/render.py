@@ -1,8 +1,8 @@
-"""Pictures of a scene: what each view saw, and the map it became."""
+"""Pictures of a scene: what each view saw, the map it became, and the completed shapes."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,19 +12,23 @@ import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 from scipy.spatial import cKDTree
 
+from harness.asked import no_completion
 from harness.bench import load_objects
+from harness.completion.clouds import observed_of, spread_evenly
+from harness.completion.pictures import OBSERVED_POINTS, draw_panels
 from harness.config import Override, load_config
 from harness.cubes import Picture, View, draw_cubes
 from harness.errors import InputError
-from harness.native import CLASS_NAMES
+from harness.native import CLASS_NAMES, MeshTruth
 from harness.pictures import fit_width, label, write_picture
 from harness.runs.job import plan_jobs
 from harness.scene_run import map_scene, simulate_job
 from sim_scenes import SceneError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
+    from harness.asked import Completion
     from harness.native import MappedObject, Pipeline, Voxels
     from sim_scenes import Frame, Scene
 
@@ -43,16 +47,31 @@ OUTLINE_BRIGHTNESS = 0.3
 MARKER_PX = 12
 # How far around what was seen of the objects the table is drawn.
 CROP_MARGIN_M = 0.05
+COMPLETED_PX = (720, 540)
 VIEW_DISTANCE_M = 0.75
 
 
 @dataclass(frozen=True)
 class ScenePictures:
-    """Where the pictures of a scene were written."""
+    """Where the pictures of a scene were written.
+
+    Attributes
+    ----------
+    files
+        All pictures.
+    montage
+        The one that holds the others.
+    clouds
+        The completed shapes, PLY in world metres, ``completed-ID.ply`` by the map's id.
+    uncompleted
+        Why a mapped object has no completed shape, by id; empty without a completer.
+    """
 
     folder: Path
     files: tuple[Path, ...]
     montage: Path
+    clouds: tuple[Path, ...] = ()
+    uncompleted: Mapping[int, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -125,6 +144,9 @@ def run_render(options: RenderOptions) -> ScenePictures:
 def render_pictures(scene: Scene, pipeline: Pipeline, *, folder: Path) -> ScenePictures:
     """Write the RGB, depth and mask of every view, the map in 3-D, and one montage of all.
 
+    Where the pipeline completes shapes, two panels show them over the true meshes, and each is
+    written as a cloud.
+
     Parameters
     ----------
     scene
@@ -158,11 +180,69 @@ def render_pictures(scene: Scene, pipeline: Pipeline, *, folder: Path) -> SceneP
         pictures[name] = draw_map(voxels, mapped, eye_world=eye_world, by_class=by_class)
     width = rows[0].shape[1]
     maps = np.concatenate([label(pictures[n], n) for n in ("map_classes", "map_rgb")], axis=1)
-    pictures["montage"] = np.concatenate([*rows, fit_width(maps, width)], axis=0)
+    parts = [*rows, fit_width(maps, width)]
+    found = {item.id: pipeline.completion(item.id) for item in mapped}
+    completions = {number: item for number, item in found.items() if item is not None}
+    if completions:
+        sides = draw_completions(scene, completions, eye_world=eye_world)
+        pictures |= sides
+        said = ("seen red, completed white, true mesh grey", "completed, from behind")
+        panels = [label(*pair) for pair in zip(sides.values(), said, strict=True)]
+        parts.append(fit_width(np.concatenate(panels, axis=1), width))
+    pictures["montage"] = np.concatenate(parts, axis=0)
     files = {name: folder / f"{name}.png" for name in pictures}
     for name, path in files.items():
         write_picture(path, pictures[name])
-    return ScenePictures(folder=folder, files=tuple(files.values()), montage=files["montage"])
+    clouds = {number: folder / f"completed-{number}.ply" for number in completions}
+    for number, path in clouds.items():
+        completions[number].write_ply(path)
+    completes = pipeline.completer != "none"
+    return ScenePictures(
+        folder=folder,
+        files=tuple(files.values()),
+        montage=files["montage"],
+        clouds=tuple(clouds.values()),
+        uncompleted={
+            item.id: no_completion(pipeline, item.id)
+            for item in mapped
+            if completes and item.id not in completions
+        },
+    )
+
+
+def draw_completions(
+    scene: Scene, completions: Mapping[int, Completion], *, eye_world: npt.NDArray[np.float64]
+) -> dict[str, Picture]:
+    """Draw observed and completed points over the true meshes, from the camera's side and behind.
+
+    Parameters
+    ----------
+    scene
+        Frames and truth.
+    completions
+        By the map's id.
+    eye_world : (3,) float64
+        Where the camera was.
+    """
+    meshes = [item.mesh_world() for item in scene.objects]
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
+    vertices = np.concatenate([vertices for vertices, _ in meshes])
+    faces = np.concatenate(
+        [faces + start for (_, faces), start in zip(meshes, starts[:-1], strict=True)]
+    )
+    observed = [observed_of(scene, item) for item in scene.objects]
+    panels = draw_panels(
+        MeshTruth(np.ascontiguousarray(vertices), faces.astype(np.uint32)),
+        surface_world=vertices,
+        observed_world=np.concatenate(
+            [spread_evenly(points, count=OBSERVED_POINTS) for points in observed if len(points)]
+        ),
+        clouds={"all": np.concatenate([item.points_world for item in completions.values()])},
+        camera_world=eye_world,
+        size=COMPLETED_PX,
+    )
+    front, back = panels["all"]
+    return {"completed_front": front, "completed_back": back}
 
 
 def depth_range(depths_m: Sequence[npt.NDArray[np.float32]]) -> tuple[float, float]:

@@ -82,7 +82,7 @@ class HandleRow:
 
 @dataclass(frozen=True)
 class ViewsRow:
-    """The fused cloud of several views beside those of the single views.
+    """The fused cloud of several views beside the single views' own.
 
     Attributes
     ----------

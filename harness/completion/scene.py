@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +20,7 @@ from harness.scene_run import SceneFailure, find_mapped, map_scene, simulate_job
 from sim_scenes.geometry import apply, inverse
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     import numpy.typing as npt
@@ -65,11 +65,14 @@ class Completed:
     ----------
     completion
         None where it made nothing, for the reason given.
+    views
+        What each view gave of its own.
     seconds
         Time of each stage, all frames together.
     """
 
     completion: Completion | None
+    views: Sequence[Completion]
     reason: str
     seconds: Mapping[str, float]
 
@@ -131,7 +134,7 @@ def measure_scene(scene: Scene, *, job: SceneJob, config: Config, plan: Plan) ->
             for name, cloud in clouds.items()
         },
         handles=handle_rows(clouds, surface, target) if target.category == "mug" else (),
-        views=views_rows(scene, measured, surface, config=config, plan=plan),
+        views=views_rows(found, {name: measured[name] for name in clouds}, surface),
         latencies=tuple(
             row
             for name, item in found.items()
@@ -162,7 +165,8 @@ def complete_target(scene: Scene, *, completer: Completer, config: Config) -> Co
     mapped = find_mapped(pipeline.objects(), scene.objects[0])
     completion = pipeline.completion(mapped.id)
     reason = "" if completion is not None else no_completion(pipeline, mapped.id)
-    return Completed(completion, reason, stage_seconds(pipeline))
+    views = pipeline.view_completions(mapped.id)
+    return Completed(completion, views, reason, stage_seconds(pipeline))
 
 
 def stage_seconds(pipeline: Pipeline) -> dict[str, float]:
@@ -178,39 +182,22 @@ def latency_rows(name: str, seconds: Mapping[str, float], *, scene: Scene) -> li
 
 
 def views_rows(
-    scene: Scene,
-    measured: Mapping[str, Measured],
-    surface: Surface,
-    *,
-    config: Config,
-    plan: Plan,
+    found: Mapping[str, Completed], fused: Mapping[str, Measured], surface: Surface
 ) -> tuple[ViewsRow, ...]:
-    """Hold each completer's fused cloud against those that single views give; none with one view.
+    """Hold each completer's fused cloud against its views' own; none of what one view completed.
 
     All are measured against the same samples of the surface.
     """
-    if len(scene.frames) < 2:
-        return ()
     rows = []
-    for completer in plan.completers:
-        if completer.name not in measured:
-            continue
-        single = []
-        for frame in scene.frames:
-            alone = replace(scene, frames=(frame,))
-            try:
-                found = complete_target(alone, completer=completer, config=config)
-            except SceneFailure:
-                # A view may show too little of the target to be mapped.
-                continue
-            if found.completion is not None:
-                cloud = measure_cloud(found.completion.points_world, surface)
-                single.append(_chamfer_mm(cloud))
-        if single:
+    for name, cloud in fused.items():
+        single = [
+            chamfer_mm(measure_cloud(view.points_world, surface)) for view in found[name].views
+        ]
+        if len(single) > 1:
             rows.append(
                 ViewsRow(
-                    cloud=completer.name,
-                    fused_mm=_chamfer_mm(measured[completer.name]),
+                    cloud=name,
+                    fused_mm=chamfer_mm(cloud),
                     best_mm=min(single),
                     mean_mm=float(np.mean(single)),
                     views=len(single),
@@ -219,7 +206,8 @@ def views_rows(
     return tuple(rows)
 
 
-def _chamfer_mm(measured: Measured) -> float:
+def chamfer_mm(measured: Measured) -> float:
+    """Chamfer distance over the whole surface of a cloud that has points."""
     chamfer = measured.scores["all"].chamfer_mm
     if chamfer is None:
         raise SceneFailure("a completer gave a cloud without points")

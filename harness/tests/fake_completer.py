@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 NEAR_M = 0.005
+LEAST_PIXELS = 20
+OWN = f"python:{__name__}.complete_observed"
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,3 +52,32 @@ class FakeCompletions:
 def fake_completion(points_world: np.ndarray, *, spread_m: float = 0.003) -> FakeCompletion:
     """Points with one spread for all."""
     return FakeCompletion(points_world, np.full(len(points_world), spread_m))
+
+
+def complete_observed(
+    *,
+    rgb: np.ndarray,
+    depth_m: np.ndarray,
+    intrinsics: tuple[float, float, float, float],
+    world_from_camera: np.ndarray,
+    masks: np.ndarray,
+    categories: list[str],
+) -> list[tuple[np.ndarray, np.ndarray | None] | None]:
+    """A completer from outside: what was observed, and a copy 5 mm behind it, of more doubt."""
+    fx, fy, cx, cy = intrinsics
+    found: list[tuple[np.ndarray, np.ndarray | None] | None] = []
+    for mask in masks:
+        v, u = np.nonzero(mask & np.isfinite(depth_m))
+        if len(u) < LEAST_PIXELS:
+            found.append(None)
+            continue
+        z = depth_m[v, u].astype(np.float64)
+        rays = np.stack([(u - cx) / fx, (v - cy) / fy, np.ones(len(u))], axis=1)
+        points = np.concatenate([rays * z[:, None], rays * (z[:, None] + 0.005)])
+        found.append((points, np.repeat([0.002, 0.006], len(u))))
+    return found
+
+
+def complete_nothing(**frame: Any) -> list[None]:
+    """A completer that declines every object."""
+    return [None] * len(frame["masks"])

@@ -57,7 +57,7 @@ def test_a_set_without_completion_says_why() -> None:
     asked, (lost,) = gather(FakeCompletions(), "completed", "box")
     assert [item.part for item in asked] == [slice(0, 3)]
     assert lost.completion == "cloud"
-    assert lost.reason == "cloud completes no object 1: 3 of its pixels have a valid depth"
+    assert lost.reason == "object 1 has no completion: 3 of its pixels have a valid depth"
 
 
 # --- in a scene ---
@@ -140,11 +140,11 @@ def test_without_a_completion_the_box_survives(
         (row.model, row.tolerance_m) for row in of(result, "none")
     }
     assert {row.failure for row in lost} == {
-        "cloud completes no object 1: 3 of its pixels have a valid depth"
+        "object 1 has no completion: 3 of its pixels have a valid depth"
     }
     assert {row.variant for row in lost} == {Variant(m, "cloud") for m in ("classic", "nearest")}
 
 
 def test_without_any_points_the_scene_fails(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(SceneFailure, match="cloud completes no object 1: 3 of its pixels have a"):
+    with pytest.raises(SceneFailure, match="object 1 has no completion: 3 of its pixels have a"):
         evaluate(scene, completed_config("completed"), monkeypatch, spread_m=None)

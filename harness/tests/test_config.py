@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.config import Config, Override, differing_keys, load_config
+from harness.config import Config, Override, check_test_sets, differing_keys, load_config
 from harness.errors import InputError
 
 Writer = Callable[[str], Path]
@@ -142,8 +142,8 @@ def test_a_loaded_configuration_holds_the_pipelines_defaults(write: Writer) -> N
     config = load_config(None)
     assert config.pipeline["segmenter"] == "oracle"
     assert config.pipeline["map"]["resolution_m"] == 0.005
-    tables = {"map", "training", "gp", "metric", "recalibration"}
-    assert set(config.pipeline) == {"segmenter", *tables}
+    tables = {"map", "training", "gp", "metric", "completion", "recalibration"}
+    assert set(config.pipeline) == {"segmenter", "completer", *tables}
     for said in ("segmenter = 'oracle'", "map.resolution_m = 0.005", "map.max_range_m = 2"):
         assert load_config(write(f"[pipeline]\n{said}\n")) == config
     # What an earlier version wrote keeps its values, whatever this version's defaults are.
@@ -181,15 +181,14 @@ def test_completed_points_need_a_completer(write: Writer) -> None:
     def none(text: str) -> str:
         return '{"completer": "none"}'
 
-    path = write("[run]\nscenes = 1")
     with pytest.raises(InputError) as caught:
-        load_config(path, check_pipeline=none)
+        check_test_sets(load_config(None, check_pipeline=none))
     assert str(caught.value) == (
-        f"{path}: protocol.test_sets has 'completed' but pipeline.completer is 'none'; "
-        "name a completer, or take 'completed' out of the test sets"
+        "protocol.test_sets has 'completed' but pipeline.completer is 'none'; name a completer, "
+        "or take 'completed' out of the test sets"
     )
-    path = write('[protocol]\ntest_sets = ["box"]')
-    assert load_config(path, check_pipeline=none).protocol.test_sets == ("box",)
+    drawn = load_config(write('[protocol]\ntest_sets = ["box"]'), check_pipeline=none)
+    assert check_test_sets(drawn) is drawn
 
 
 def test_an_extension_that_is_not_built_is_said(monkeypatch: pytest.MonkeyPatch) -> None:

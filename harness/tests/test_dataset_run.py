@@ -42,6 +42,8 @@ height = 120
 [protocol]
 test_points = 60
 test_sets = ["box", "perturbed"]
+[pipeline]
+completer = "none"
 [pipeline.training]
 points = 80
 [pipeline.gp]

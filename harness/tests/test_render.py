@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, NoReturn, cast
 
 import numpy as np
 import pytest
@@ -26,13 +26,17 @@ from harness.render import (
 from harness.runs.atomic import DiskError
 from harness.runs.job import SceneJob
 from harness.scene_run import map_scene, simulate_job
+from harness.surface_picture import COMPLETED_COLOUR, OBSERVED_COLOUR
+from harness.tests.fake_completer import FakeCompletions, fake_completion
 from harness.tests.support import full_disk
 from sim_scenes import Frame, Intrinsics, Scene, SceneError, SceneObject
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-SETTINGS = "[scenes]\nwidth = 160\nheight = 120\nviews = 2\n"
+    from harness.native import Pipeline
+
+SETTINGS = '[scenes]\nwidth = 160\nheight = 120\nviews = 2\n[pipeline]\ncompleter = "none"\n'
 NAMES = [
     "map_classes.png",
     "map_rgb.png",
@@ -103,6 +107,37 @@ def test_a_full_disk_leaves_whole_pictures_only(options: RenderOptions, tmp_path
         assert sorted(path.name for path in (tmp_path / folder).iterdir()) == left
         for name in left:
             assert (tmp_path / folder / name).read_bytes() == before[name]
+
+
+def test_completed_shapes_get_two_panels_and_a_cloud_each(
+    options: RenderOptions, tmp_path: Path
+) -> None:
+    config = load_config(options.config)
+    job = SceneJob("mug-0000", "mug", "mug_pybullet", seed=11, cluttered=True)
+    scene = simulate_job(job, config)
+    pipeline = map_scene(scene, config=config)
+    first, *others = pipeline.objects()
+    vertices, _ = scene.objects[0].mesh_world()
+    completing = FakeCompletions(
+        completed={first.id: fake_completion(vertices[:400])}, pipeline=pipeline
+    )
+    pictures = render_pictures(scene, cast("Pipeline", completing), folder=tmp_path)
+    names = [*NAMES, "completed_back.png", "completed_front.png", f"completed-{first.id}.ply"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
+    assert pictures.clouds == (tmp_path / f"completed-{first.id}.ply",)
+    assert pictures.clouds[0].read_text(encoding="utf-8") == "400 points"
+    assert pictures.uncompleted == {
+        item.id: f"object {item.id} has no completion: 3 of its pixels have a valid depth"
+        for item in others
+    }
+    with (
+        Image.open(tmp_path / "completed_front.png") as front,
+        Image.open(pictures.montage) as all_,
+    ):
+        colours = np.asarray(front).reshape(-1, 3)
+        assert (colours == OBSERVED_COLOUR).all(axis=1).sum() > 100
+        assert (colours == COMPLETED_COLOUR).all(axis=1).sum() > 100
+        assert all_.size == (480, 2 * 120 + 180 + 180)
 
 
 @pytest.mark.parametrize("inner", ["", "deep/er"])

@@ -42,6 +42,7 @@ CONFIG = Config.model_validate(
         "scenes": {"width": 160, "height": 120},
         "protocol": {"test_points": 300, "test_sets": ["box", "perturbed"]},
         "pipeline": {
+            "completer": "none",
             "training": {"points": 240},
             "gp": {"models": MODELS, "fit_points": 120},
             "recalibration": {"classic": {"slope": 1.0, "intercept": 0.0}},

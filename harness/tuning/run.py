@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import tomli_w
 
-from harness.config import Config, Override, load_config
+from harness.config import Config, Override, check_test_sets, load_config
 from harness.errors import InputError
 from harness.native import binary_metrics
 from harness.runs.atomic import DiskError, write_text
@@ -302,7 +302,7 @@ def _configuration(options: TuneOptions) -> Config:
         )
     if options.test_points < 1:
         raise InputError(f"--test-points {options.test_points}: ask for 1 or more")
-    return load_config(
+    config = load_config(
         options.config,
         overrides=(
             Override("run.scenes", options.scenes, "--scenes"),
@@ -310,6 +310,7 @@ def _configuration(options: TuneOptions) -> Config:
             Override("pipeline.gp.models", list(MODEL_ORDER), "--model"),
         ),
     )
+    return check_test_sets(config)
 
 
 def _space(model: str, *, settings: Mapping[str, Any]) -> tuple[Parameter, ...]:
