@@ -6,7 +6,7 @@ use rand::{Rng, RngExt as _, seq::SliceRandom as _};
 use crate::data::Scene;
 
 /// Units of the object's frame per metre.
-pub(crate) const UNITS_PER_M: f64 = 10.0;
+pub(crate) const UNITS_PER_M: f64 = 1.0 / ObjectFrame::UNIT_M;
 
 /// Support points of a kind, the fewest and the most.
 pub(crate) const SUPPORT: (f64, f64) = (200.0, 1800.0);

@@ -6,7 +6,7 @@
 //! saw as [`Completion`]s. A classifier gives every test point
 //! a [`Prediction`], which is judged against a [`TriMesh`].
 //!
-//! An object is seen in its [`ObjectFrame`]. Random draws come from a [`stream`] per seed and purpose.
+//! What was seen of one object is an [`Observation`], in its [`ObjectFrame`]. Random draws come from a [`stream`] per seed and purpose.
 //!
 //! Units are metres and radians. The world's z axis points up; camera axes follow `OpenCV` (x
 //! right, y down, z forward). The centre of the first pixel is (0, 0).
@@ -20,6 +20,7 @@ mod instance;
 mod intrinsics;
 mod mesh;
 mod object_frame;
+mod observation;
 mod occupancy;
 mod pose;
 mod prediction;
@@ -34,6 +35,7 @@ pub use instance::Instance;
 pub use intrinsics::Intrinsics;
 pub use mesh::TriMesh;
 pub use object_frame::{ObjectFrame, all_finite};
+pub use observation::Observation;
 pub use occupancy::{OccupancyNode, OccupancyTree};
 pub use pose::Pose;
 pub use prediction::{Prediction, Predictions};

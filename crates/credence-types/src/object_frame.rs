@@ -1,8 +1,5 @@
 use crate::{InvalidInput, Point};
 
-/// Metres per unit of the frame: a cup is about one unit wide.
-const UNIT_M: f64 = 0.1;
-
 /// Share of the points, at each end of an axis, that the midrange leaves out as outliers.
 const TRIM: f64 = 0.01;
 
@@ -20,6 +17,9 @@ pub struct ObjectFrame {
 }
 
 impl ObjectFrame {
+    /// Metres per unit of the frame: a cup is about one unit wide.
+    pub const UNIT_M: f64 = 0.1;
+
     /// The frame of an object's observed points.
     ///
     /// # Errors
@@ -66,12 +66,22 @@ impl ObjectFrame {
         Ok(Self { cos, sin, origin })
     }
 
+    /// The frame's units to world metres.
+    pub fn world_point(&self, at: [f64; 3]) -> Point {
+        let [x, y, z] = [0, 1, 2].map(|axis| at[axis] * Self::UNIT_M + self.origin[axis]);
+        Point::new(
+            self.cos * x - self.sin * y,
+            self.sin * x + self.cos * y,
+            z,
+        )
+    }
+
     /// World metres to the frame's units.
     pub fn locate(&self, point: &Point) -> [f64; 3] {
         [
-            (yawed_x(self.cos, self.sin, point) - self.origin[0]) / UNIT_M,
-            (yawed_y(self.cos, self.sin, point) - self.origin[1]) / UNIT_M,
-            (point.z - self.origin[2]) / UNIT_M,
+            (yawed_x(self.cos, self.sin, point) - self.origin[0]) / Self::UNIT_M,
+            (yawed_y(self.cos, self.sin, point) - self.origin[1]) / Self::UNIT_M,
+            (point.z - self.origin[2]) / Self::UNIT_M,
         ]
     }
 }
@@ -124,6 +134,8 @@ mod tests {
             (left[1] - 1.0).abs() < 1e-9 && left[2].abs() < 1e-9,
             "{left:?}"
         );
+        let back = frame.world_point(left);
+        assert!((back - Point::new(0.45, 0.1, -0.01)).norm() < 1e-12, "{back}");
     }
 
     #[test]

@@ -5,10 +5,10 @@ use credence_nn::{
     query::{Batch, QueryTensors, REACH, Sample, Support, Widths},
     weights,
 };
-use credence_types::{ObjectFrame, Point, all_finite, thinned};
+use credence_types::{ObjectFrame, Observation, Point, all_finite, thinned};
 use rayon::prelude::*;
 
-use super::{CATEGORIES, Observation, QueryNetwork};
+use super::{CATEGORIES, QueryNetwork};
 use crate::EmbedError;
 
 /// The weights that come with the crate.

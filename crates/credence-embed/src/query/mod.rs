@@ -2,9 +2,8 @@
 
 mod embedder;
 mod network;
-mod observation;
 
 pub use credence_nn::query::{Batch, SUBSET_FREE, SUBSET_OBJECT, Sample, Support, Widths};
 pub use embedder::{QueryEmbedder, QueryEmbedding};
 pub use network::{CATEGORIES, Decoded, Encoded, QueryNetwork};
-pub use observation::Observation;
+pub use credence_types::Observation;

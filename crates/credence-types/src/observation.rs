@@ -1,4 +1,4 @@
-use credence_types::Point;
+use crate::Point;
 
 /// What has been seen of one object: its points, the free space around it, and from where.
 #[derive(Debug, Clone, PartialEq)]
