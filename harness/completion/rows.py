@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from harness.completion.metrics import CloudScore
     from harness.completion.spread import SpreadScore
 
-UNREFINED = ", not refined"
+UNREFINED = ", unrefined"
 
 
 @dataclass(frozen=True)

@@ -118,7 +118,11 @@ def measure_scene(scene: Scene, *, job: SceneJob, config: Config, plan: Plan) ->
         title=job.scene_id,
         surface_world=surface.samples_world,
         observed_world=observed,
-        clouds={name: cloud.points_world for name, cloud in clouds.items()},
+        clouds={
+            item.name: clouds[item.name].points_world
+            for item in plan.completers
+            if item.refine and item.name in clouds
+        },
         camera_world=camera,
     )
     return SceneRows(

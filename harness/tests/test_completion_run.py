@@ -112,7 +112,7 @@ def test_options_reach_the_scenes(tmp_path: Path) -> None:
     assert (config["run"]["seed"], config["run"]["classes"]) == (9, ["bowl"])
     assert (config["scenes"]["views"], config["scenes"]["cluttered"]) == (3, True)
     clouds = {row["cloud"] for row in content["scenes"][0]["clouds"]}
-    assert {"own", "own, not refined"} < clouds
+    assert {"own", "own, unrefined"} < clouds
     assert len(content["settings"]["completers"]) == 2
 
 

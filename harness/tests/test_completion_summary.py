@@ -25,7 +25,7 @@ from harness.completion.summary import POOLED, Report, Summary, summarise
 from harness.statistics import mean_estimate
 
 COMPLETERS = (Completer("cloud"), Completer("cloud", refine=False), Completer("python:my.own"))
-CLOUDS = ("cloud", "cloud, not refined", "own", "observed", "mean shape", "mirrored")
+CLOUDS = ("cloud", "cloud, unrefined", "own", "observed", "mean shape", "mirrored")
 CHAMFER = dict(zip(CLOUDS, (3.0, 3.5, 4.0, 9.0, 5.0, 6.0), strict=True))
 
 
@@ -128,7 +128,7 @@ def test_a_completer_is_held_against_itself_unrefined_and_the_next(whole: Report
     pairs = {(item.cloud, item.less) for item in whole.differences}
     baselines = {"observed", "mean shape", "mirrored"}
     assert pairs == {
-        *(("cloud", name) for name in (*baselines, "cloud, not refined", "own")),
+        *(("cloud", name) for name in (*baselines, "cloud, unrefined", "own")),
         *(("own", name) for name in baselines),
     }
 
@@ -183,7 +183,7 @@ def test_the_tables_hold_every_cloud_part_and_difference(whole: Report) -> None:
     assert "Mug: 6 scenes, 6 objects, 25% of the surface unseen" in text
     for name in CLOUDS:
         assert text.count(f"\n{name}  ") >= 9
-    for said in ("cloud - mean shape", "cloud - cloud, not refined", "Handles of mugs", "Time per"):
+    for said in ("cloud - mean shape", "cloud - cloud, unrefined", "Handles of mugs", "Time per"):
         assert said in text
     assert "own completed nothing in 2 scenes" in text
     lines = text.split("paired differences, all")[1].splitlines()
