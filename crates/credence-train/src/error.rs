@@ -42,6 +42,15 @@ pub enum TrainError {
         /// Draws that were tried.
         draws: u32,
     },
+    /// No draw of a picture can be photographed.
+    #[error(
+        "every one of {draws} pictures has an object right before the lens; use meshes of household \
+         size, as `harness assets` makes them"
+    )]
+    Picture {
+        /// Draws that were tried.
+        draws: u32,
+    },
     /// A scene that a cache does not hold.
     #[error("there is no scene {index}; the cache holds scenes 0 to {count}, the end excluded")]
     SceneIndex {

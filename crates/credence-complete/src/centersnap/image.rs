@@ -6,13 +6,13 @@ use credence_types::{Frame, Point};
 use super::pose::Anchor;
 
 /// The camera of the network: every second pixel of 640x480 at a focal length of 616 px.
-pub const WIDTH: usize = 320;
+pub(super) const WIDTH: usize = 320;
 /// Rows of the network's camera.
-pub const HEIGHT: usize = 240;
+pub(super) const HEIGHT: usize = 240;
 /// Its focal length, pixels.
-pub const FOCAL_PX: f64 = 308.0;
+pub(super) const FOCAL_PX: f64 = 308.0;
 /// Its principal point, pixels.
-pub const CENTRE: [f64; 2] = [159.75, 119.75];
+pub(super) const CENTRE: [f64; 2] = [159.75, 119.75];
 
 /// Pixels of a side of the blocks that the stems take in as one row.
 const BLOCK: usize = 4;
@@ -22,7 +22,7 @@ pub const STRIDE: usize = 8;
 pub const CELLS: [usize; 2] = [WIDTH / STRIDE, HEIGHT / STRIDE];
 
 /// Numbers of a block: three channels of colour, or of depth.
-pub const BLOCK_VALUES: usize = 3 * BLOCK * BLOCK;
+pub(super) const BLOCK_VALUES: usize = 3 * BLOCK * BLOCK;
 
 /// Middle and spread of the depths that are common on a table, metres.
 const DEPTH_M: [f32; 2] = [0.5, 0.2];
@@ -116,7 +116,7 @@ impl NetworkImage {
 }
 
 /// The frame's pixel that each pixel of the network's camera shows; `None` beyond the frame.
-pub fn sources(frame: &Frame) -> impl Iterator<Item = Option<usize>> + '_ {
+pub(super) fn sources(frame: &Frame) -> impl Iterator<Item = Option<usize>> + '_ {
     let camera = *frame.intrinsics();
     (0..WIDTH * HEIGHT).map(move |pixel| {
         let [x, y] = [
@@ -131,7 +131,7 @@ pub fn sources(frame: &Frame) -> impl Iterator<Item = Option<usize>> + '_ {
 }
 
 /// The stems' grid for a number of images.
-pub const fn stem_grid(images: usize) -> Grid {
+pub(super) const fn stem_grid(images: usize) -> Grid {
     Grid {
         images,
         height: HEIGHT / BLOCK,

@@ -5,9 +5,13 @@
 //! decoder of a point auto-encoder turns the shape's numbers into 2,048 points.
 
 mod autoencoder;
+mod detect;
 mod image;
+mod network;
 mod pose;
 
 pub use autoencoder::{AutoEncoder, DECODED_POINTS, LATENT};
+pub use detect::{CenterSnap, Detection, Told};
 pub use image::{CELLS, NetworkImage, STRIDE};
+pub use network::{Cells, CenterSnapNetwork, ImageBatch, StatisticValues, Statistics};
 pub use pose::{Anchor, ObjectPose, POSE, facing, has_front};

@@ -42,6 +42,17 @@ pub struct ObjectPose {
 }
 
 impl ObjectPose {
+    /// Column and row of the projected centre in the network's camera.
+    pub fn pixel(&self) -> [f64; 2] {
+        let centre = self.centre_m;
+        [0, 1].map(|axis| FOCAL_PX * centre[axis] / centre.z + CENTRE[axis])
+    }
+
+    /// Length of the diagonal in the image of the network's camera, pixels.
+    pub fn diagonal_px(&self) -> f64 {
+        FOCAL_PX * self.scale_m / self.centre_m.z
+    }
+
     /// A point of the normalised frame, in the camera's.
     pub fn place(&self, normalised: [f32; 3]) -> Point {
         let point = Vector3::from(normalised.map(f64::from));
@@ -84,12 +95,10 @@ impl Anchor {
         for (slot, value) in values.iter_mut().zip(seen.iter()) {
             *slot = *value;
         }
-        let centre = pose.centre_m;
-        for axis in 0..2 {
-            let pixel = FOCAL_PX * centre[axis] / centre.z + CENTRE[axis];
+        for (axis, pixel) in pose.pixel().into_iter().enumerate() {
             values[9 + axis] = (pixel - self.pixel[axis]) / OFFSET_PX;
         }
-        values[11] = (centre.z - self.depth_m) / DEPTH_M;
+        values[11] = (pose.centre_m.z - self.depth_m) / DEPTH_M;
         values[12] = (pose.scale_m / SCALE_M).ln() / LOG_SCALE;
         values.map(|v| v as f32)
     }

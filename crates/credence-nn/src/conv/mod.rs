@@ -86,6 +86,24 @@ impl Conv3 {
     }
 }
 
+/// Every `stride`-th pixel of feature maps, the first among them; `grid` is that of `x`.
+///
+/// # Panics
+/// When the grid has another number of rows than `x`.
+pub fn thin(x: Tensor<2>, grid: Grid, stride: usize) -> Tensor<2> {
+    assert_eq!(x.dims()[0], grid.rows(), "a row of features per pixel");
+    let coarse = grid.every(stride);
+    let mut rows = Vec::with_capacity(coarse.rows());
+    for image in 0..grid.images {
+        for y in (0..grid.height).step_by(stride) {
+            let first = (image * grid.height + y) * grid.width;
+            let columns = (0..grid.width).step_by(stride);
+            rows.extend(columns.map(|x| ((first + x) as u32).cast_signed()));
+        }
+    }
+    select(x, rows)
+}
+
 /// Doubles feature maps in both directions by repeating pixels; `fine` is the grid of the result.
 ///
 /// # Panics
@@ -93,7 +111,10 @@ impl Conv3 {
 pub fn enlarge(x: Tensor<2>, fine: Grid) -> Tensor<2> {
     let grid = fine.every(2);
     assert_eq!(x.dims()[0], grid.rows(), "a row of features per pixel");
-    let rows = grid.enlarged(fine);
+    select(x, grid.enlarged(fine))
+}
+
+fn select(x: Tensor<2>, rows: Vec<i32>) -> Tensor<2> {
     let count = rows.len();
     let rows = Tensor::<1, Int>::from_data(TensorData::new(rows, [count]), &x.device());
     x.select(0, rows)
@@ -116,5 +137,18 @@ mod tests {
         let first = [1.0, 1.0, 1.0, 1.0, 2.0, 2.0];
         assert_eq!(y[..6], first);
         assert_eq!(y[6..], first.map(|v| v + 2.0));
+    }
+
+    #[test]
+    fn thinning_keeps_the_first_of_each_square() {
+        let grid = Grid {
+            images: 2,
+            height: 3,
+            width: 2,
+        };
+        let values = TensorData::new((0..12).map(|v| v as f32).collect(), [12, 1]);
+        let x = Tensor::<2>::from_data(values, &Device::flex());
+        let y: Vec<f32> = thin(x, grid, 2).into_data().iter().collect();
+        assert_eq!(y, [0.0, 4.0, 6.0, 10.0]);
     }
 }

@@ -2,7 +2,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
-use super::{autoencoder, cloud};
+use super::{autoencoder, centersnap, cloud};
 use crate::{TrainError, command::RunArgs};
 
 /// What to train the completers on, and where to put them.
@@ -49,6 +49,8 @@ pub enum Part {
     Cloud,
     /// Shapes as numbers and back, for `CenterSnap`
     Autoencoder,
+    /// `CenterSnap`'s network, by the auto-encoder's weights in the folder that it writes to
+    Centersnap,
 }
 
 impl CompleteArgs {
@@ -63,6 +65,9 @@ impl CompleteArgs {
         }
         if matches!(self.part, Part::All | Part::Autoencoder) {
             autoencoder::run(&self.of("autoencoder"), self.steps)?;
+        }
+        if matches!(self.part, Part::All | Part::Centersnap) {
+            centersnap::run(&self.of("centersnap"), self.steps)?;
         }
         Ok(())
     }

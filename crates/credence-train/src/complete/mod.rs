@@ -1,6 +1,7 @@
 //! Training of the shape completers.
 
 mod autoencoder;
+mod centersnap;
 mod cloud;
 mod command;
 

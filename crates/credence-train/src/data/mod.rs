@@ -11,6 +11,7 @@ mod command;
 mod mesh_set;
 mod near;
 mod observe;
+mod picture;
 mod ply;
 mod queries;
 mod raster;
@@ -19,10 +20,12 @@ mod sensor;
 mod stage;
 #[cfg(test)]
 pub(crate) mod tests;
+mod texture;
 
 pub use cache::SceneCache;
 pub use command::DataCommand;
 pub(crate) use mesh_set::Mesh;
 pub use mesh_set::MeshSet;
+pub(crate) use picture::{Picture, Shown};
 pub use scene::Scene;
 pub(crate) use stage::any_category;

@@ -50,7 +50,8 @@ impl<'a> Placed<'a> {
         }
     }
 
-    fn draw(meshes: &'a MeshSet, category: Category, rng: &mut impl Rng) -> Self {
+    /// A mesh of a category, its size and its azimuth drawn, at the origin.
+    pub(super) fn draw(meshes: &'a MeshSet, category: Category, rng: &mut impl Rng) -> Self {
         let mesh = meshes.draw(category, rng);
         let scale = SCALE[0] + (SCALE[1] - SCALE[0]) * rng.random::<f64>();
         Self::new(mesh, scale, rng.random::<f64>() * TAU, [0.0; 2])
@@ -83,7 +84,7 @@ impl<'a> Placed<'a> {
     }
 
     /// Radius of the circle about its centre that holds it.
-    fn radius(&self) -> f64 {
+    pub(super) fn radius(&self) -> f64 {
         self.scale * self.mesh.radius
     }
 
@@ -107,25 +108,36 @@ pub(super) fn place<'a>(
 ) -> Vec<Placed<'a>> {
     let mut placed = vec![Placed::draw(meshes, category, rng)];
     if rng.random::<f64>() < CLUTTERED {
-        for _ in 0..rng.random_range(1..=MAX_NEIGHBOURS) {
-            let mut neighbour = Placed::draw(meshes, any_category(rng), rng);
-            for _ in 0..PLACEMENT_TRIES {
-                let gap = rng.random::<f64>() * MAX_GAP_M;
-                let away = placed[0].radius() + gap + neighbour.radius();
-                let (sin, cos) = (rng.random::<f64>() * TAU).sin_cos();
-                neighbour.centre = [away * cos, away * sin];
-                let apart = |other: &Placed<'_>| {
-                    let [dx, dy] = [0, 1].map(|i| other.centre[i] - neighbour.centre[i]);
-                    dx.hypot(dy) >= other.radius() + neighbour.radius()
-                };
-                if placed[1..].iter().all(apart) {
-                    placed.push(neighbour);
-                    break;
-                }
+        let count = rng.random_range(1..=MAX_NEIGHBOURS);
+        surround(&mut placed, count, meshes, rng);
+    }
+    placed
+}
+
+/// Adds neighbours about the first of the placed objects, those that find room.
+pub(super) fn surround<'a>(
+    placed: &mut Vec<Placed<'a>>,
+    count: usize,
+    meshes: &'a MeshSet,
+    rng: &mut impl Rng,
+) {
+    for _ in 0..count {
+        let mut neighbour = Placed::draw(meshes, any_category(rng), rng);
+        for _ in 0..PLACEMENT_TRIES {
+            let gap = rng.random::<f64>() * MAX_GAP_M;
+            let away = placed[0].radius() + gap + neighbour.radius();
+            let (sin, cos) = (rng.random::<f64>() * TAU).sin_cos();
+            neighbour.centre = [away * cos, away * sin];
+            let apart = |other: &Placed<'_>| {
+                let [dx, dy] = [0, 1].map(|i| other.centre[i] - neighbour.centre[i]);
+                dx.hypot(dy) >= other.radius() + neighbour.radius()
+            };
+            if placed[1..].iter().all(apart) {
+                placed.push(neighbour);
+                break;
             }
         }
     }
-    placed
 }
 
 /// A category, each as likely.

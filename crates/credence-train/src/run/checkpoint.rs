@@ -40,7 +40,9 @@ pub(super) fn save<M: Module>(
     optimizer: &ModuleOptimizer,
 ) -> Result<(), TrainError> {
     let path = folder.join(format!("step-{step:08}.checkpoint"));
-    let network = weights::to_bytes(network)?;
+    // A network under training keeps the newest running statistics of its normalisations aside;
+    // what it hands out without its gradients holds them.
+    let network = weights::to_bytes(&network.valid())?;
     let optimizer = optimizer.into_bytes().map_err(|e| TrainError::Checkpoint {
         path: path.clone(),
         problem: e.to_string(),

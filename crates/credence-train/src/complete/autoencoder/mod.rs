@@ -5,4 +5,5 @@ mod clouds;
 mod command;
 mod task;
 
+pub(super) use clouds::{Turn, canonical_cloud};
 pub(super) use command::run;

@@ -1,0 +1,11 @@
+//! Training of `CenterSnap` on pictures that are drawn as they are needed.
+
+mod calibrate;
+mod command;
+mod evaluate;
+mod example;
+mod losses;
+mod task;
+mod truth;
+
+pub(super) use command::run;
