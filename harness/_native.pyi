@@ -208,9 +208,9 @@ class Pipeline:
     def segmenter(self) -> str: ...
     @property
     def completer(self) -> str:
-        """Name of the completer: ``"none"``, or ``"python:module.function"``.
+        """Name of the completer: ``"none"``, ``"cloud"`` or ``"python:module.function"``.
 
-        Such a function is imported when the pipeline is made, and called for every frame as
+        A function is imported when the pipeline is made, and called for every frame as
         `harness.native.CompleterFunction` says.
         """
     @property

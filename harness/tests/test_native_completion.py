@@ -324,7 +324,8 @@ def test_a_completer_that_cannot_be_imported_is_found_at_once(
 @pytest.mark.parametrize("name", ["clod", "python:", "python:complete", "python:a-b.c", "a.b"])
 def test_a_completer_that_is_none_is_refused(name: str) -> None:
     with pytest.raises(
-        ValueError, match=rf'completer is "{name}"; expected `none`.* "python:module\.function"'
+        ValueError,
+        match=rf'completer is "{name}"; expected one of `none`.* "python:module\.function"',
     ):
         Pipeline(json.dumps({"completer": name}))
 

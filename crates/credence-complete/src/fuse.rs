@@ -5,14 +5,15 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
 use crate::{CompleteError, even_order};
 
-/// A guess lies on a surer surface if it is within this many of its own spreads.
-const SPREADS: f64 = 2.0;
+/// A guess may lie on a surer surface if it is within this many of its own spreads: of errors of
+/// Laplace's distribution, 2 % are larger.
+const SPREADS: f64 = 4.0;
 
 /// And within this, metres: spreads are guesses too.
 const FARTHEST_M: f64 = 0.01;
 
 /// Clearly surer is a spread below this share of the other's.
-const SURER: f64 = 0.5;
+const SURER: f64 = 0.8;
 
 /// Largest distance that thinned points keep, metres, and how often the search for it halves.
 const WIDEST_M: f64 = 0.1;
@@ -51,7 +52,7 @@ pub struct SeenSpace<'a> {
 ///
 /// 1. Points in space that a view looked through are dropped, unless measured points are near.
 /// 2. A guess that may lie on the surface of which another view is clearly surer (within
-///    twice its own spread, at most 1 cm) is dropped: it says nothing that the other does not.
+///    four of its own spreads, at most 1 cm) is dropped: it says nothing that the other does not.
 /// 3. What is left is thinned, the surest first, to points that keep a distance.
 ///
 /// # Errors
@@ -244,14 +245,14 @@ mod tests {
     #[test]
     fn a_guess_on_a_surer_surface_says_nothing() {
         // Of the second view, the guess at 3 may lie on the sure point at 0, that at 9 may not,
-        // that at 20 is as sure as its neighbour, and the one at 40 has only its own view beside it.
-        let sure = row(&[(0.0, 1.0), (21.0, 2.0)]);
+        // that at 20 is as sure as its neighbour, and the one at 41 has only its own view beside it.
+        let sure = row(&[(0.0, 0.5), (21.0, 1.0)]);
         let guesses = row(&[
-            (3.0, 2.5),
-            (9.0, 4.0),
-            (20.0, 3.0),
-            (40.0, 1.0),
-            (41.0, 4.0),
+            (3.0, 1.0),
+            (9.0, 2.0),
+            (20.0, 1.2),
+            (40.0, 0.5),
+            (41.0, 2.0),
         ]);
         assert_eq!(
             fused_mm(&[sure, guesses], &UNSEEN, 99),

@@ -1,28 +1,69 @@
-use credence_complete::Completer;
+use credence_complete::{Completer, cloud::CloudCompleter};
 
-use crate::{CompleterChoice, Config, PipelineError};
+use crate::{CompleterChoice, CompletionConfig, Config, PipelineError};
 
-/// What completes objects, if anything does.
-pub(crate) struct Completers(Option<Box<dyn Completer>>);
+/// What completes objects, loaded when it is first needed.
+pub(crate) struct Completers {
+    choice: CompleterChoice,
+    completion: CompletionConfig,
+    table_height_m: f64,
+    loaded: Option<Box<dyn Completer>>,
+}
 
 impl Completers {
-    /// The configuration's choice.
+    /// The configuration's choice. Files of weights are read at once, so that a wrong one is found
+    /// before any work is done.
     pub(crate) fn new(config: &Config) -> Result<Self, PipelineError> {
-        match &config.completer {
-            CompleterChoice::None => Ok(Self(None)),
-            CompleterChoice::Python(function) => Err(PipelineError::Config(format!(
+        if let CompleterChoice::Python(_) = &config.completer {
+            return Err(PipelineError::Config(format!(
                 "completer = \"{}\" needs Python; make the pipeline there, or pass a completer",
-                CompleterChoice::Python(function.clone())
-            ))),
+                config.completer
+            )));
         }
+        let mut completers = Self::of(config, None);
+        if config.completion.weights.file().is_some() {
+            completers.get()?;
+        }
+        Ok(completers)
     }
 
     /// One from outside.
-    pub(crate) fn foreign(completer: Box<dyn Completer>) -> Self {
-        Self(Some(completer))
+    pub(crate) fn foreign(config: &Config, completer: Box<dyn Completer>) -> Self {
+        Self::of(config, Some(completer))
     }
 
-    pub(crate) fn get(&self) -> Option<&dyn Completer> {
-        self.0.as_deref()
+    fn of(config: &Config, loaded: Option<Box<dyn Completer>>) -> Self {
+        Self {
+            choice: config.completer.clone(),
+            completion: config.completion.clone(),
+            table_height_m: config.metric.table_height_m,
+            loaded,
+        }
+    }
+
+    /// Whether nothing completes objects.
+    pub(crate) fn is_none(&self) -> bool {
+        self.loaded.is_none() && self.choice == CompleterChoice::None
+    }
+
+    /// The completer; `None` if nothing completes objects.
+    pub(crate) fn get(&mut self) -> Result<Option<&dyn Completer>, PipelineError> {
+        if self.loaded.is_none() {
+            self.loaded = self.load()?;
+        }
+        Ok(self.loaded.as_deref())
+    }
+
+    fn load(&self) -> Result<Option<Box<dyn Completer>>, PipelineError> {
+        let CompletionConfig {
+            points, weights, ..
+        } = &self.completion;
+        Ok(match self.choice {
+            CompleterChoice::Cloud => Some(Box::new(match weights.file() {
+                None => CloudCompleter::embedded(self.table_height_m, *points)?,
+                Some(path) => CloudCompleter::from_file(path, self.table_height_m, *points)?,
+            })),
+            CompleterChoice::None | CompleterChoice::Python(_) => None,
+        })
     }
 }

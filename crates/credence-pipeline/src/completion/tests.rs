@@ -276,3 +276,69 @@ fn a_python_completer_needs_python() {
         "{refused}"
     );
 }
+
+#[test]
+fn the_cloud_completer_comes_with_the_library() {
+    let mut pipeline =
+        Pipeline::new(Config::from_json(r#"{"completer": "cloud"}"#).unwrap()).unwrap();
+    let id = mapped(&mut pipeline, &[30.0, 75.0]);
+    let views = pipeline.view_completions(id).unwrap();
+    assert_eq!(views.len(), 2);
+    for view in views {
+        let registration = view.registration.unwrap();
+        assert!(registration.residual_after_m <= registration.residual_before_m);
+        // No category is a cube, but its top and two of its sides are seen.
+        assert!(off_m(&view.points_world) < 0.02);
+    }
+    let fused = pipeline.completion(id).unwrap().unwrap();
+    assert!(fused.points_world.len() > 1000);
+    assert!(fused.spread_m.iter().all(|s| *s > 0.0));
+}
+
+#[test]
+fn an_object_of_few_measured_pixels_has_no_completion_and_a_reason() {
+    let mut pipeline =
+        Pipeline::new(Config::from_json(r#"{"completer": "cloud"}"#).unwrap()).unwrap();
+    let whole = view(&[mug()], 30.0);
+    let ids = &whole.truth().unwrap().instance_ids;
+    let mut left = 40;
+    let measured = ids.iter().zip(whole.depth_m()).map(|(id, depth_m)| {
+        let is_left = *id == 0 || left > 0;
+        left -= u32::from(*id == 1 && left > 0);
+        if is_left { *depth_m } else { f32::NAN }
+    });
+    let frame = Frame::new(
+        whole.rgb().to_vec(),
+        measured.collect(),
+        *whole.intrinsics(),
+        *whole.world_from_camera(),
+        whole.truth().cloned(),
+    )
+    .unwrap();
+    let report = pipeline.add_frame(&frame).unwrap();
+    let id = report.objects[0].unwrap();
+    assert_eq!(pipeline.completion(id).unwrap(), None);
+    assert_eq!(
+        pipeline.uncompleted(id).unwrap().as_deref(),
+        Some("40 of its pixels have a valid depth; a completion needs at least 50")
+    );
+}
+
+#[test]
+fn weights_that_are_not_there_are_found_before_any_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mine.safetensors");
+    let settings = serde_json::json!({
+        "completer": "cloud", "completion": {"weights": path.to_str().unwrap()}
+    });
+    let refusal = || {
+        let config = Config::from_json(&settings.to_string()).unwrap();
+        Pipeline::new(config).err().unwrap().to_string()
+    };
+    let missing = refusal();
+    assert!(missing.contains("mine.safetensors"), "{missing}");
+    std::fs::write(&path, b"no weights").unwrap();
+    let corrupt = refusal();
+    assert!(corrupt.contains("mine.safetensors"), "{corrupt}");
+    assert_ne!(missing, corrupt);
+}

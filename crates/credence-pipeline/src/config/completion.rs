@@ -15,12 +15,15 @@ pub enum CompleterChoice {
     /// "none": no object is completed.
     #[default]
     None,
+    /// "cloud": the network that is asked about points around what was seen of an object.
+    Cloud,
     /// "python:module.function": a callable that Python imports.
     Python(PythonFunction),
 }
 
 impl CompleterChoice {
     const NONE: &str = "none";
+    const CLOUD: &str = "cloud";
     const PYTHON: &str = "python:";
 }
 
@@ -28,6 +31,7 @@ impl fmt::Display for CompleterChoice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::None => f.write_str(Self::NONE),
+            Self::Cloud => f.write_str(Self::CLOUD),
             Self::Python(function) => write!(f, "{}{function}", Self::PYTHON),
         }
     }
@@ -43,16 +47,18 @@ impl FromStr for CompleterChoice {
     type Err = PipelineError;
 
     fn from_str(name: &str) -> Result<Self, Self::Err> {
-        if name == Self::NONE {
-            return Ok(Self::None);
-        }
         let function = name.strip_prefix(Self::PYTHON);
         let function = function.and_then(PythonFunction::parse).map(Self::Python);
-        function.ok_or_else(|| PipelineError::Choice {
+        let choice = match name {
+            Self::NONE => Some(Self::None),
+            Self::CLOUD => Some(Self::Cloud),
+            _ => function,
+        };
+        choice.ok_or_else(|| PipelineError::Choice {
             what: "completer",
             why: format!(
-                "unknown completer `{name}`, expected `none` or \"python:module.function\", the \
-                 function's full name in Python"
+                "unknown completer `{name}`, expected one of `none`, `cloud` or \
+                 \"python:module.function\", the function's full name in Python"
             ),
         })
     }

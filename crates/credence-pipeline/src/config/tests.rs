@@ -153,6 +153,7 @@ fn completers_go_by_name_or_by_the_functions() {
         Config::from_json(&text).map(|config| config.completer)
     };
     assert_eq!(completer("none").unwrap(), CompleterChoice::None);
+    assert_eq!(completer("cloud").unwrap(), CompleterChoice::Cloud);
     let python = completer("python:tools.shapes.complete").unwrap();
     assert_eq!(
         python,
@@ -181,7 +182,8 @@ fn completers_go_by_name_or_by_the_functions() {
         "tools.complete",
     ] {
         let refused = completer(name).unwrap_err().to_string();
-        let expected = format!("configuration: completer is \"{name}\"; expected `none`");
+        let expected =
+            format!("configuration: completer is \"{name}\"; expected one of `none`, `cloud`");
         assert!(refused.contains(&expected), "{refused}");
         assert!(refused.contains("\"python:module.function\""), "{refused}");
     }

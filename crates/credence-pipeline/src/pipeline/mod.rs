@@ -63,7 +63,8 @@ impl Pipeline {
         completer: Box<dyn Completer>,
     ) -> Result<Self, PipelineError> {
         config.check()?;
-        Self::with(config, Completers::foreign(completer))
+        let completers = Completers::foreign(&config, completer);
+        Self::with(config, completers)
     }
 
     fn with(config: Config, completers: Completers) -> Result<Self, PipelineError> {
@@ -130,8 +131,10 @@ impl Pipeline {
         frame: &Frame,
         instances: &[Instance],
     ) -> Result<Vec<View>, PipelineError> {
-        let completer = self.completers.get().filter(|_| !instances.is_empty());
-        let Some(completer) = completer else {
+        if instances.is_empty() {
+            return Ok(Vec::new());
+        }
+        let Some(completer) = self.completers.get()? else {
             return Ok(Vec::new());
         };
         let start = Instant::now();
@@ -186,7 +189,7 @@ impl Pipeline {
     /// An id that is not tracked.
     pub fn uncompleted(&self, id: ObjectId) -> Result<Option<String>, PipelineError> {
         self.map.object(id)?;
-        if self.completers.get().is_none() {
+        if self.completers.is_none() {
             let why = "no completer is chosen; set completer in the configuration";
             return Ok(Some(why.to_owned()));
         }
