@@ -28,7 +28,7 @@ GROUND = (38, 40, 46)
 # Grey of a surface that faces sideways, and that faces the viewer: both darker than every cloud.
 SURFACE_GREY = (52, 128)
 # A point this far behind the surface still shows.
-BEHIND_M = 0.002
+BEHIND_M = 0.003
 RADIUS_PX = 1.6
 VIEW_DISTANCE_M = 0.6
 ELEVATION_RAD = np.deg2rad(30.0)

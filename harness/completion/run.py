@@ -161,7 +161,10 @@ def run_report(
             "config": config.model_dump(mode="json", exclude={"run": {"workers"}}),
         },
     )
-    measured = sorted(scene.scene_id for scene in scenes)
+    # The classes in turn.
+    measured = sorted(
+        (scene.scene_id for scene in scenes), key=lambda name: name.rpartition("-")[::-1]
+    )
     write_sheet(folder / "sheet.png", [plan.pictures / f"{name}.png" for name in measured])
     write_text(folder / "report.json", text)
     return CompletionResult(
