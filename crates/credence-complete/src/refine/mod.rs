@@ -10,7 +10,7 @@ use std::cmp::Ordering;
 
 use credence_types::{Completion, InvalidInput, Point};
 use nalgebra::{Matrix3, Vector3};
-use surface::{Side, Surface};
+use surface::Surface;
 use warp::{Information, Parameters, Warp};
 
 use crate::CompleteError;
@@ -24,10 +24,10 @@ const CAP_M: f64 = 0.02;
 
 /// Coarse to fine.
 const STAGES: [Stage; 4] = [
-    Stage::new(0.02, 4, Side::Seen),
-    Stage::new(0.01, 2, Side::Seen),
-    Stage::new(0.005, 1, Side::Seen),
-    Stage::new(0.003, 1, Side::Any),
+    Stage::new(0.02, 4, true),
+    Stage::new(0.01, 2, true),
+    Stage::new(0.005, 1, true),
+    Stage::new(0.003, 1, false),
 ];
 
 /// Steps of a stage, at most.
@@ -39,18 +39,18 @@ struct Stage {
     scale_m: f64,
     /// Every how many observed points are looked at.
     every: usize,
-    /// Which part of the completed surface they may lie on. The inside of a wall attracts what was
-    /// seen of its outside unless it counts as hidden; but of a noisy surface, what is seen is
-    /// nearer than the middle, so that the last stage must not tell them apart.
-    side: Side,
+    /// Whether they can only lie where a camera sees the completed surface. The inside of a wall
+    /// attracts what was seen of its outside unless it counts as hidden; but of a noisy surface,
+    /// what is seen is nearer than the middle, so that the last stage must not tell them apart.
+    seen_only: bool,
 }
 
 impl Stage {
-    const fn new(scale_m: f64, every: usize, side: Side) -> Self {
+    const fn new(scale_m: f64, every: usize, seen_only: bool) -> Self {
         Self {
             scale_m,
             every,
-            side,
+            seen_only,
         }
     }
 }
@@ -62,7 +62,7 @@ const NOISE_M: f64 = 0.0015;
 const INDEPENDENT: f64 = 200.0;
 
 /// A step that moves no point farther than this ends a stage, metres.
-const STILL_M: f64 = 2e-5;
+const STILL_M: f64 = 5e-5;
 
 /// A completion after its registration, and how well it lay on the observed points before and
 /// after.
@@ -157,7 +157,7 @@ fn distinct(points: &[Point]) -> Vec<usize> {
 
 /// Mean distance of observed points from a surface, each at most [`CAP_M`].
 fn residual_m(surface: &Surface, observed: &[Point]) -> Result<f64, CompleteError> {
-    let feet = surface.feet(observed, Side::Any)?;
+    let feet = surface.feet(observed, &surface.all())?;
     let sum: f64 = feet.iter().map(|foot| foot.offset_m.abs().min(CAP_M)).sum();
     Ok(sum / feet.len() as f64)
 }
@@ -206,8 +206,14 @@ impl Registration {
         let mut warp = start;
         for stage in &STAGES {
             let observed: Vec<Point> = observed.iter().step_by(stage.every).copied().collect();
+            // What is seen hardly changes within a stage.
+            let among = if stage.seen_only {
+                self.surface.moved(&warp).seen()
+            } else {
+                self.surface.all()
+            };
             for _ in 0..MOST_STEPS {
-                let next = warp.moved(&self.step(&warp, &observed, stage)?);
+                let next = warp.moved(&self.step(&warp, &observed, &among, stage.scale_m)?);
                 let moved_m = self.largest_move_m(&warp, &next);
                 warp = next;
                 if moved_m < STILL_M {
@@ -223,16 +229,17 @@ impl Registration {
         &self,
         warp: &Warp,
         observed: &[Point],
-        stage: &Stage,
+        among: &[usize],
+        scale_m: f64,
     ) -> Result<Parameters, CompleteError> {
-        let feet = self.surface.moved(warp).feet(observed, stage.side)?;
+        let feet = self.surface.moved(warp).feet(observed, among)?;
         let tangents = warp.tangents();
         let share = (INDEPENDENT / feet.len() as f64).min(1.0);
         let (mut information, mut pull): (Information, Parameters) = warp.prior();
         pull = -pull;
         for foot in &feet {
             let doubt_m = self.spread_m[foot.index];
-            let robust = (1.0 + (foot.offset_m / stage.scale_m).powi(2)).powi(-2);
+            let robust = (1.0 + (foot.offset_m / scale_m).powi(2)).powi(-2);
             let weight = share * robust / (NOISE_M.powi(2) + doubt_m.powi(2));
             let row = tangents
                 .at(&self.surface.discs[foot.index].centre)

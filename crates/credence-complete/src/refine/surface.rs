@@ -46,15 +46,6 @@ pub(super) struct Foot {
     pub(super) offset_m: f64,
 }
 
-/// Which discs a point may lie on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Side {
-    /// All.
-    Any,
-    /// Those that a camera at the origin sees: not the inside of a wall seen from the outside.
-    Seen,
-}
-
 impl Surface {
     pub(super) fn new(points: &[Point]) -> Result<Self, CompleteError> {
         let tree = tree(points)?;
@@ -79,20 +70,25 @@ impl Surface {
         }
     }
 
-    /// The nearest place of each query.
-    pub(super) fn feet(&self, queries: &[Point], side: Side) -> Result<Vec<Foot>, CompleteError> {
-        let all = 0..self.discs.len();
-        let mut among: Vec<usize> = match side {
-            Side::Any => Vec::new(),
-            Side::Seen => {
-                let seen = visible(&self.discs);
-                all.clone().filter(|index| seen[*index]).collect()
-            }
-        };
-        // Discs in disorder can all hide each other.
-        if among.is_empty() {
-            among = all.collect();
-        }
+    /// All discs.
+    pub(super) fn all(&self) -> Vec<usize> {
+        (0..self.discs.len()).collect()
+    }
+
+    /// The discs that a camera at the origin sees; all if they are in such disorder that each is
+    /// hidden.
+    pub(super) fn seen(&self) -> Vec<usize> {
+        let is_seen = visible(&self.discs);
+        let seen: Vec<usize> = (0..self.discs.len()).filter(|i| is_seen[*i]).collect();
+        if seen.is_empty() { self.all() } else { seen }
+    }
+
+    /// The nearest place of each query on some of the discs.
+    pub(super) fn feet(
+        &self,
+        queries: &[Point],
+        among: &[usize],
+    ) -> Result<Vec<Foot>, CompleteError> {
         let centres: Vec<Point> = among
             .iter()
             .map(|index| self.discs[*index].centre)
@@ -192,7 +188,7 @@ mod tests {
         assert!((inner.normal.z.abs() - 1.0).abs() < 1e-12);
         assert!((inner.radius_m - DISC).abs() < 1e-12);
         let middle = Point::new(3.5, 4.0, 5.25);
-        let foot = surface.feet(&[middle], Side::Any).unwrap();
+        let foot = surface.feet(&[middle], &surface.all()).unwrap();
         assert!((foot[0].offset_m.abs() - 0.25).abs() < 1e-12);
     }
 }
