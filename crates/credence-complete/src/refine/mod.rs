@@ -59,7 +59,7 @@ impl Stage {
 const NOISE_M: f64 = 0.0015;
 
 /// How many independent measurements the observed points are worth, for neighbours err together.
-const INDEPENDENT: f64 = 200.0;
+const INDEPENDENT: f64 = 100.0;
 
 /// A step that moves no point farther than this ends a stage, metres.
 const STILL_M: f64 = 5e-5;
@@ -82,8 +82,8 @@ pub struct Refined {
 /// Robust iterated closest points (Besl and `McKay` 1992; point to plane: Chen and Medioni 1992):
 /// every observed point pulls its nearest place of the completed surface, on which each completed
 /// point stands for a flat disc, with the weight of Geman and `McClure` (1985) and less where the
-/// completer is in doubt. A prior holds what one side of an object does not show: scales stay
-/// between 1 / 1.4 and 1.4. The completion is moved only if the residual falls.
+/// completer is in doubt. A prior holds what one side of an object does not show, the
+/// more the better the completion fits at the outset; scales stay between 1 / 1.4 and 1.4. The completion is moved only if the residual falls.
 ///
 /// # Arguments
 ///
@@ -119,13 +119,13 @@ pub fn refine(
         surface: Surface::new(&at_places(&completed))?,
         spread_m: places.iter().map(spread).collect(),
     };
-    let warp = registration.search(Warp::identity(centre), &observed)?;
+    let before = residual_m(&registration.surface, &observed)?;
+    let warp = registration.search(Warp::identity(centre, before), &observed)?;
     let linear = warp.linear();
     let moved: Vec<Point> = completed
         .iter()
         .map(|point| warp.apply(&linear, point))
         .collect();
-    let before = residual_m(&registration.surface, &observed)?;
     // Discs of the moved points, not the moved discs: the residual is of the cloud alone.
     let after = residual_m(&Surface::new(&at_places(&moved))?, &observed)?;
     if after >= before {

@@ -12,9 +12,19 @@ pub(super) type Jacobian = SMatrix<f64, 3, PARAMETERS>;
 /// Largest logarithm of a scale: ln 1.4.
 const MOST_LOG_SCALE: f64 = 0.336;
 
-/// How far each parameter is expected from 0: the completer is roughly right. Stretches that make
-/// what is round oval are the least likely, and the data say little about them from one side.
+/// How far each parameter is expected from 0 where the completion lies [`OFF_M`] beside what was
+/// observed. Stretches that make what is round oval are the least likely, and the data say little
+/// about them from one side.
 const EXPECTED: [f64; PARAMETERS] = [0.03, 0.03, 0.03, 0.3, 0.15, 0.15, 0.05, 0.05];
+
+/// Which parameter is the angle.
+const ANGLE: usize = 3;
+
+/// Mean distance of the observed points from a completion that is as wrong as [`EXPECTED`], metres.
+const OFF_M: f64 = 0.004;
+
+/// Least share of it that is expected: keeps the prior finite.
+const LEAST_SHARE: f64 = 1e-3;
 
 /// A motion that keeps what is upright upright: y = c + t + R S (x - c), coordinates with z up.
 ///
@@ -25,14 +35,20 @@ const EXPECTED: [f64; PARAMETERS] = [0.03, 0.03, 0.03, 0.3, 0.15, 0.15, 0.05, 0.
 pub(super) struct Warp {
     pub(super) parameters: Parameters,
     centre: Vector3<f64>,
+    /// Share of [`EXPECTED`] that the parameters are expected to reach, but for the angle: a wrong
+    /// one shows in little more than a handle.
+    share: f64,
 }
 
 impl Warp {
-    /// The identity, with scales and rotation about `centre`.
-    pub(super) fn identity(centre: Vector3<f64>) -> Self {
+    /// The identity, with scales and rotation about `centre`, for a completion that lies
+    /// `residual_m` beside what was observed: the better it fits, the less it is to be changed, for
+    /// what noise there is would be fitted at the expense of the unseen.
+    pub(super) fn identity(centre: Vector3<f64>, residual_m: f64) -> Self {
         Self {
             parameters: Parameters::zeros(),
             centre,
+            share: (residual_m / OFF_M).clamp(LEAST_SHARE, 1.0),
         }
     }
 
@@ -56,7 +72,8 @@ impl Warp {
 
     /// Precision of the prior, and its gradient at these parameters.
     pub(super) fn prior(&self) -> (Information, Parameters) {
-        let precision = Parameters::from_fn(|i, _| EXPECTED[i].powi(-2));
+        let share = |i: usize| if i == ANGLE { 1.0 } else { self.share };
+        let precision = Parameters::from_fn(|i, _| (share(i) * EXPECTED[i]).powi(-2));
         let pull = precision.component_mul(&self.parameters);
         (Information::from_diagonal(&precision), pull)
     }
@@ -66,7 +83,7 @@ impl Warp {
     }
 
     fn rotation(&self) -> Matrix3<f64> {
-        let (sin, cos) = self.parameters[3].sin_cos();
+        let (sin, cos) = self.parameters[ANGLE].sin_cos();
         Matrix3::new(cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0)
     }
 
@@ -122,7 +139,7 @@ impl Tangents {
         let offset = point.coords - self.centre;
         let mut jacobian = Jacobian::zeros();
         jacobian.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
-        jacobian.set_column(3, &(self.turn * offset));
+        jacobian.set_column(ANGLE, &(self.turn * offset));
         for (column, stretch) in (4..).zip(&self.stretches) {
             jacobian.set_column(column, &(stretch * offset));
         }
@@ -135,7 +152,7 @@ mod tests {
     use super::*;
 
     fn at(parameters: [f64; PARAMETERS]) -> Warp {
-        let identity = Warp::identity(Vector3::new(1.0, 2.0, 3.0));
+        let identity = Warp::identity(Vector3::new(1.0, 2.0, 3.0), OFF_M);
         identity.moved(&Parameters::from(parameters))
     }
 
