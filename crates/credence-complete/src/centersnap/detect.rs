@@ -1,6 +1,7 @@
 use burn::tensor::{Device, Tensor, TensorData};
 use credence_nn::knn::Neighbours;
 use credence_types::{Category, Point, stream};
+use nalgebra::{Matrix3, Vector3};
 use rand::{Rng, RngExt as _};
 use rayon::prelude::*;
 
@@ -80,25 +81,41 @@ impl CenterSnap {
     pub fn look(&self, image: &NetworkImage) -> Result<Vec<Told>, CompleteError> {
         let batch = ImageBatch::new(std::slice::from_ref(image), &self.device);
         let cells = self.network.forward(&batch);
-        let peaks = peaks(&read(cells.heat)?);
+        let heat = read(cells.heat)?;
+        let peaks = peaks(&heat);
         if peaks.is_empty() {
             return Ok(Vec::new());
         }
-        let places: Vec<usize> = peaks.iter().map(|peak| peak.cell).collect();
+        let voters: Vec<Vec<(usize, f32)>> = peaks.iter().map(|p| voters(&heat, p)).collect();
+        let places: Vec<usize> = voters.iter().flatten().map(|(cell, _)| *cell).collect();
         let (latents, poses) = self.network.objects(&cells.features, &places);
         let (latents, poses) = (read(latents)?, read(poses)?);
-        let (latents, _) = latents.as_chunks::<LATENT>();
-        let (poses, _) = poses.as_chunks::<POSE>();
+        let latents = latents.as_chunks::<LATENT>().0.iter();
+        let mut answers = latents.zip(poses.as_chunks::<POSE>().0);
         let anchors = image.anchors();
         Ok(peaks
-            .into_iter()
-            .zip(latents.iter().zip(poses))
-            .map(|(peak, (latent, pose))| Told {
-                category: Category::ALL[peak.category],
-                heat: peak.heat,
-                anchor: anchors[peak.cell],
-                latent: *latent,
-                pose: *pose,
+            .iter()
+            .zip(&voters)
+            .map(|(peak, voters)| {
+                let votes: Vec<Vote> = voters
+                    .iter()
+                    .zip(&mut answers)
+                    .map(|((cell, heat), (latent, pose))| Vote {
+                        weight: f64::from(*heat),
+                        anchor: anchors[*cell],
+                        latent: *latent,
+                        pose: *pose,
+                    })
+                    .collect();
+                let anchor = anchors[peak.cell];
+                let (latent, pose) = agreed(&votes, &anchor);
+                Told {
+                    category: Category::ALL[peak.category],
+                    heat: peak.heat,
+                    anchor,
+                    latent,
+                    pose,
+                }
             })
             .collect())
     }
@@ -119,8 +136,8 @@ impl CenterSnap {
         if guesses.is_empty() {
             return Ok(Vec::new());
         }
-        let latents = guesses.iter().map(|(latent, _)| *latent).collect();
-        let clouds = self.decode(latents)?;
+        let latents: Vec<_> = guesses.iter().map(|(latent, _)| *latent).collect();
+        let clouds = self.decode(&latents)?;
         let of_each = told.par_iter().zip(
             guesses
                 .par_chunks(1 + SAMPLES)
@@ -174,7 +191,7 @@ impl CenterSnap {
     }
 
     /// The points of latents in the unit of the statistics, in the normalised object frame.
-    fn decode(&self, latents: Vec<[f32; LATENT]>) -> Result<Vec<[f32; 3]>, CompleteError> {
+    fn decode(&self, latents: &[[f32; LATENT]]) -> Result<Vec<[f32; 3]>, CompleteError> {
         let StatisticValues {
             latent_mean,
             latent_scale,
@@ -246,6 +263,54 @@ fn peaks(heat: &[f32]) -> Vec<Peak> {
         .collect();
     peaks.sort_by(|a, b| b.heat.total_cmp(&a.heat).then(a.cell.cmp(&b.cell)));
     peaks
+}
+
+/// The cells that a peak's object is told from, with their heat: the peak and those of its eight
+/// neighbours that are warm for its category, as the cells were that learned to tell.
+fn voters(heat: &[f32], peak: &Peak) -> Vec<(usize, f32)> {
+    let [across, down] = CELLS;
+    let (row, column) = (peak.cell / across, peak.cell % across);
+    let around = |at: usize, size: usize| at.saturating_sub(1)..(at + 2).min(size);
+    around(row, down)
+        .flat_map(|row| around(column, across).map(move |column| row * across + column))
+        .map(|cell| (cell, heat[cell * CATEGORIES + peak.category]))
+        .filter(|(_, heat)| *heat >= LEAST_HEAT)
+        .collect()
+}
+
+/// What one cell tells of an object.
+struct Vote {
+    weight: f64,
+    anchor: Anchor,
+    latent: [f32; LATENT],
+    pose: [f32; POSE],
+}
+
+/// The mean of the votes, by their weights, told from one cell. Each cell was taught the whole
+/// object, so their errors partly cancel.
+fn agreed(votes: &[Vote], anchor: &Anchor) -> ([f32; LATENT], [f32; POSE]) {
+    let mut latent = [0.0_f64; LATENT];
+    let (mut rotation, mut centre_m, mut log_scale) = (Matrix3::zeros(), Vector3::zeros(), 0.0);
+    let mut total = 0.0;
+    for vote in votes {
+        let Some(pose) = vote.anchor.decode(vote.pose) else {
+            continue;
+        };
+        total += vote.weight;
+        rotation += pose.rotation * vote.weight;
+        centre_m += pose.centre_m * vote.weight;
+        log_scale += pose.scale_m.ln() * vote.weight;
+        for (sum, value) in latent.iter_mut().zip(vote.latent) {
+            *sum += f64::from(value) * vote.weight;
+        }
+    }
+    // Numbers that are none stay so: such an object is dropped.
+    let pose = anchor.encode(&ObjectPose {
+        rotation: rotation / total,
+        centre_m: centre_m / total,
+        scale_m: (log_scale / total).exp(),
+    });
+    (latent.map(|sum| (sum / total) as f32), pose)
 }
 
 /// Of each point, the mean distance from the surfaces that might be there instead.
@@ -335,6 +400,64 @@ mod tests {
         ];
         assert_eq!(found, expected);
         assert_eq!(peaks(&vec![f32::NAN; heat.len()]), []);
+    }
+
+    #[test]
+    fn an_object_is_told_from_the_warm_cells_around_its_peak() {
+        let [across, down] = CELLS;
+        let mut heat = vec![0.0; across * down * CATEGORIES];
+        for (row, column, category, value) in [
+            (0, 5, 2, 0.9),
+            (0, 4, 2, 0.6),
+            (1, 5, 2, 0.29),
+            (1, 6, 3, 0.5),
+            (0, 7, 2, 0.8),
+        ] {
+            heat[(row * across + column) * CATEGORIES + category] = value;
+        }
+        let peak = Peak {
+            cell: 5,
+            category: 2,
+            heat: 0.9,
+        };
+        assert_eq!(voters(&heat, &peak), [(4, 0.6), (5, 0.9)]);
+    }
+
+    #[test]
+    fn votes_agree_on_their_weighted_mean() {
+        let anchor = |column: f64, depth_m| Anchor {
+            pixel: [column, 119.75],
+            depth_m,
+        };
+        let vote = |weight, anchor: Anchor, depth: f64, latent: f32| Vote {
+            weight,
+            anchor,
+            latent: [latent; LATENT],
+            pose: anchor.encode(&ObjectPose {
+                rotation: Matrix3::identity(),
+                centre_m: Vector3::new(0.0, 0.0, depth),
+                scale_m: 0.2,
+            }),
+        };
+        let votes = [
+            vote(3.0, anchor(155.5, 0.45), 0.5, 1.0),
+            vote(1.0, anchor(163.5, 0.6), 0.54, 5.0),
+        ];
+        let told_from = anchor(155.5, 0.45);
+        let (latent, pose) = agreed(&votes, &told_from);
+        assert!(latent.iter().all(|v| (v - 2.0).abs() < 1e-6));
+        let pose = told_from.decode(pose).unwrap();
+        assert!((pose.centre_m - Vector3::new(0.0, 0.0, 0.51)).norm() < 1e-6);
+        assert!((pose.rotation - Matrix3::identity()).amax() < 1e-6);
+        assert!((pose.scale_m - 0.2).abs() < 1e-6);
+
+        // A vote that is none does not count; without any other there is no object.
+        let mut votes = votes;
+        votes[1].pose = [f32::NAN; POSE];
+        let (latent, _) = agreed(&votes, &told_from);
+        assert!(latent.iter().all(|v| (v - 1.0).abs() < 1e-6));
+        let (_, pose) = agreed(&votes[1..], &told_from);
+        assert_eq!(told_from.decode(pose), None);
     }
 
     #[test]

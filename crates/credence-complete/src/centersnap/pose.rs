@@ -19,9 +19,10 @@ const NEAREST_M: f64 = 0.05;
 /// Logarithms of scales beyond this, metres to millimetres, are no household objects.
 const MOST_LOG_SCALE: f64 = 4.0;
 
-/// Whether the azimuth of a category's objects can be seen. Bottles, bowls and cans have none, or
-/// as good as none: their frame is turned towards the camera, and what remains of an azimuth, as
-/// of a square bottle's, belongs to the shape.
+/// Whether the azimuth of a category's objects can be seen.
+///
+/// Bottles, bowls and cans have none, or as good as none: their frame is turned towards the camera,
+/// and what remains of an azimuth, as of a square bottle's, belongs to the shape.
 pub const fn has_front(category: Category) -> bool {
     matches!(
         category,

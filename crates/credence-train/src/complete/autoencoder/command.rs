@@ -13,7 +13,7 @@ use crate::{TrainError, command::RunArgs, data::MeshSet, run::train};
 /// Meshes that cannot be used, folders that cannot be written, checkpoints of another run, a loss
 /// that diverges.
 pub(crate) fn run(args: &RunArgs, steps: Option<u64>) -> Result<(), TrainError> {
-    let run = args.begin("autoencoder", steps.unwrap_or(args.pick(3000, 10)))?;
+    let run = args.begin("autoencoder", steps.unwrap_or(args.pick(4000, 10)))?;
     let device = Device::flex().autodiff();
     let task = AutoEncoderTask {
         meshes: MeshSet::open(&args.meshes)?,

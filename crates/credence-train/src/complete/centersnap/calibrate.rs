@@ -57,7 +57,7 @@ pub(super) fn latent_statistics(autoencoder: &AutoEncoder, meshes: &MeshSet) -> 
 /// # Errors
 /// Meshes that nothing can be drawn from.
 pub(super) fn calibrate(
-    network: CenterSnapNetwork,
+    network: &CenterSnapNetwork,
     shapes: &Shapes,
     meshes: &MeshSet,
     pictures: usize,

@@ -17,7 +17,7 @@ use crate::{TrainError, command::RunArgs, data::MeshSet, run::train};
 /// No auto-encoder, meshes that cannot be used, folders that cannot be written, checkpoints of
 /// another run, a loss that diverges.
 pub(crate) fn run(args: &RunArgs, steps: Option<u64>) -> Result<(), TrainError> {
-    let run = args.begin("centersnap", steps.unwrap_or(args.pick(9000, 6)))?;
+    let run = args.begin("centersnap", steps.unwrap_or(args.pick(6000, 6)))?;
     let device = Device::flex().autodiff();
     let autoencoder = weights::load(
         AutoEncoder::new(&Device::flex()),
@@ -41,7 +41,7 @@ pub(crate) fn run(args: &RunArgs, steps: Option<u64>) -> Result<(), TrainError> 
     let network = seed_parameters(network, &mut stream(args.seed, "train/centersnap/weights"));
     let mut outcome = train(&task, network, &run.plan(1000))?;
     let pictures = args.pick(200, 4) as usize;
-    let (network, figures) = calibrate(outcome.network, &task.shapes, &task.validation, pictures)?;
+    let (network, figures) = calibrate(&outcome.network, &task.shapes, &task.validation, pictures)?;
     outcome.network = network;
     outcome.figures.extend(figures);
     let bytes = weights::to_bytes(&outcome.network)?;

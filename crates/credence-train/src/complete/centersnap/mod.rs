@@ -8,4 +8,7 @@ mod losses;
 mod task;
 mod truth;
 
+#[cfg(test)]
+mod tests;
+
 pub(super) use command::run;
