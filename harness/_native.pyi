@@ -208,9 +208,10 @@ class Pipeline:
     def segmenter(self) -> str: ...
     @property
     def completer(self) -> str:
-        """Name of the completer: ``"none"``, ``"cloud"`` or ``"python:module.function"``.
+        """Name of the completer, as the configuration spells it.
 
-        A function is imported when the pipeline is made, and called for every frame as
+        It is ``"none"``, ``"cloud"``, ``"centersnap"`` or ``"python:module.function"``. Such a
+        function is imported when the pipeline is made, and called for every frame as
         `harness.native.CompleterFunction` says.
         """
     @property

@@ -1,4 +1,4 @@
-use credence_complete::{Completer, cloud::CloudCompleter};
+use credence_complete::{Completer, centersnap::CenterSnap, cloud::CloudCompleter};
 
 use crate::{CompleterChoice, CompletionConfig, Config, PipelineError};
 
@@ -62,6 +62,10 @@ impl Completers {
             CompleterChoice::Cloud => Some(Box::new(match weights.file() {
                 None => CloudCompleter::embedded(self.table_height_m, *points)?,
                 Some(path) => CloudCompleter::from_file(path, self.table_height_m, *points)?,
+            })),
+            CompleterChoice::CenterSnap => Some(Box::new(match weights.file() {
+                None => CenterSnap::embedded()?,
+                Some(path) => CenterSnap::from_file(path)?,
             })),
             CompleterChoice::None | CompleterChoice::Python(_) => None,
         })

@@ -27,7 +27,9 @@ pub(crate) fn pipeline(py: Python<'_>, config: Config) -> PyResult<Pipeline> {
             let completer = PythonCompleter::import(py, function, config.completion.points)?;
             py.detach(|| Pipeline::with_completer(config, Box::new(completer)))
         }
-        CompleterChoice::None | CompleterChoice::Cloud => py.detach(|| Pipeline::new(config)),
+        CompleterChoice::None | CompleterChoice::Cloud | CompleterChoice::CenterSnap => {
+            py.detach(|| Pipeline::new(config))
+        }
     };
     made.map_err(|err: PipelineError| to_python(&err))
 }

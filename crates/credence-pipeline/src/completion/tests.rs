@@ -296,6 +296,23 @@ fn the_cloud_completer_comes_with_the_library() {
 }
 
 #[test]
+fn centersnap_comes_with_the_library() {
+    let config = Config::from_json(r#"{"completer": "centersnap"}"#).unwrap();
+    let mut pipeline = Pipeline::new(config).unwrap();
+    let id = mapped(&mut pipeline, &[30.0]);
+    // Whether it takes a grey cube for any of its objects does not matter here.
+    let completion = pipeline.completion(id).unwrap();
+    assert_eq!(
+        completion.is_none(),
+        pipeline.uncompleted(id).unwrap().is_some()
+    );
+    assert_eq!(
+        stages(&pipeline)[..4],
+        ["segment", "complete", "refine", "map"]
+    );
+}
+
+#[test]
 fn an_object_of_few_measured_pixels_has_no_completion_and_a_reason() {
     let mut pipeline =
         Pipeline::new(Config::from_json(r#"{"completer": "cloud"}"#).unwrap()).unwrap();
@@ -328,17 +345,20 @@ fn an_object_of_few_measured_pixels_has_no_completion_and_a_reason() {
 fn weights_that_are_not_there_are_found_before_any_work() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("mine.safetensors");
-    let settings = serde_json::json!({
-        "completer": "cloud", "completion": {"weights": path.to_str().unwrap()}
-    });
-    let refusal = || {
+    let refusal = |completer: &str| {
+        let settings = serde_json::json!({
+            "completer": completer, "completion": {"weights": path.to_str().unwrap()}
+        });
         let config = Config::from_json(&settings.to_string()).unwrap();
         Pipeline::new(config).err().unwrap().to_string()
     };
-    let missing = refusal();
-    assert!(missing.contains("mine.safetensors"), "{missing}");
+    let completers = ["cloud", "centersnap"];
+    let missing = completers.map(refusal);
     std::fs::write(&path, b"no weights").unwrap();
-    let corrupt = refusal();
-    assert!(corrupt.contains("mine.safetensors"), "{corrupt}");
-    assert_ne!(missing, corrupt);
+    let corrupt = completers.map(refusal);
+    for (missing, corrupt) in missing.iter().zip(&corrupt) {
+        assert!(missing.contains("mine.safetensors"), "{missing}");
+        assert!(corrupt.contains("mine.safetensors"), "{corrupt}");
+        assert_ne!(missing, corrupt);
+    }
 }

@@ -17,6 +17,8 @@ pub enum CompleterChoice {
     None,
     /// "cloud": the network that is asked about points around what was seen of an object.
     Cloud,
+    /// "centersnap": the network that finds all objects of a frame at once.
+    CenterSnap,
     /// "python:module.function": a callable that Python imports.
     Python(PythonFunction),
 }
@@ -24,6 +26,7 @@ pub enum CompleterChoice {
 impl CompleterChoice {
     const NONE: &str = "none";
     const CLOUD: &str = "cloud";
+    const CENTERSNAP: &str = "centersnap";
     const PYTHON: &str = "python:";
 }
 
@@ -32,6 +35,7 @@ impl fmt::Display for CompleterChoice {
         match self {
             Self::None => f.write_str(Self::NONE),
             Self::Cloud => f.write_str(Self::CLOUD),
+            Self::CenterSnap => f.write_str(Self::CENTERSNAP),
             Self::Python(function) => write!(f, "{}{function}", Self::PYTHON),
         }
     }
@@ -52,12 +56,13 @@ impl FromStr for CompleterChoice {
         let choice = match name {
             Self::NONE => Some(Self::None),
             Self::CLOUD => Some(Self::Cloud),
+            Self::CENTERSNAP => Some(Self::CenterSnap),
             _ => function,
         };
         choice.ok_or_else(|| PipelineError::Choice {
             what: "completer",
             why: format!(
-                "unknown completer `{name}`, expected one of `none`, `cloud` or \
+                "unknown completer `{name}`, expected one of `none`, `cloud`, `centersnap` or \
                  \"python:module.function\", the function's full name in Python"
             ),
         })
@@ -112,7 +117,8 @@ pub struct CompletionConfig {
     pub refine: bool,
     /// Points of a completion, at most.
     pub points: usize,
-    /// Weights of the completer's network: "embedded" or a file.
+    /// Weights of the completer's network: "embedded" or a file. Beside that of "centersnap" lies
+    /// its auto-encoder's, `autoencoder.safetensors`.
     pub weights: Weights,
 }
 

@@ -154,6 +154,9 @@ fn completers_go_by_name_or_by_the_functions() {
     };
     assert_eq!(completer("none").unwrap(), CompleterChoice::None);
     assert_eq!(completer("cloud").unwrap(), CompleterChoice::Cloud);
+    let centersnap = completer("centersnap").unwrap();
+    assert_eq!(centersnap, CompleterChoice::CenterSnap);
+    assert_eq!(centersnap.to_string(), "centersnap");
     let python = completer("python:tools.shapes.complete").unwrap();
     assert_eq!(
         python,
@@ -182,8 +185,9 @@ fn completers_go_by_name_or_by_the_functions() {
         "tools.complete",
     ] {
         let refused = completer(name).unwrap_err().to_string();
-        let expected =
-            format!("configuration: completer is \"{name}\"; expected one of `none`, `cloud`");
+        let expected = format!(
+            "configuration: completer is \"{name}\"; expected one of `none`, `cloud`, `centersnap`"
+        );
         assert!(refused.contains(&expected), "{refused}");
         assert!(refused.contains("\"python:module.function\""), "{refused}");
     }

@@ -1,4 +1,7 @@
-use std::collections::HashMap;
+#[cfg(test)]
+mod tests;
+
+use std::{collections::HashMap, num::NonZeroUsize};
 
 use credence_types::Point;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
@@ -14,6 +17,12 @@ const FARTHEST_M: f64 = 0.01;
 
 /// Clearly surer is a spread below this share of the other's.
 const SURER: f64 = 0.8;
+
+/// A view shares a guess if one of its own points is within this many of their spacings.
+const SPACINGS: f64 = 1.5;
+
+/// Clearly unsure is a spread above this many of the median one.
+const UNSURE: f64 = 1.5;
 
 /// Largest distance that thinned points keep, metres, and how often the search for it halves.
 const WIDEST_M: f64 = 0.1;
@@ -51,9 +60,11 @@ pub struct SeenSpace<'a> {
 /// It has at most `count` points, in an even order. A single view's completion stays as it is.
 ///
 /// 1. Points in space that a view looked through are dropped, unless measured points are near.
-/// 2. A guess that may lie on the surface of which another view is clearly surer (within
+/// 2. A guess that is clearly less sure than most and that no other view shares is dropped, unless
+///    measured points are near.
+/// 3. A guess that may lie on the surface of which another view is clearly surer (within
 ///    four of its own spreads, at most 1 cm) is dropped: it says nothing that the other does not.
-/// 3. What is left is thinned, the surest first, to points that keep a distance.
+/// 4. What is left is thinned, the surest first, to points that keep a distance.
 ///
 /// # Errors
 /// More points than a neighbour search can hold.
@@ -77,7 +88,7 @@ pub fn fuse(
             });
         }
     }
-    drop_seen_through(&mut guesses, seen)?;
+    drop_refuted(&mut guesses, views, seen)?;
     // Views take turns among equally sure points, which come in an even order each.
     guesses.sort_by(|a, b| {
         let by_spread = a.spread_m.total_cmp(&b.spread_m);
@@ -104,17 +115,82 @@ struct Guess {
     index: usize,
 }
 
-fn drop_seen_through(guesses: &mut Vec<Guess>, seen: &SeenSpace<'_>) -> Result<(), CompleteError> {
-    let rows: Vec<[f64; 3]> = seen.observed_world.iter().map(|p| (*p).into()).collect();
-    let tree: ImmutableKdTree<f64, 3> = ImmutableKdTree::new_from_slice(&rows)
-        .map_err(|_overflow| CompleteError::TooManyPoints { count: rows.len() })?;
-    let is_observed = |point: &Point| {
-        let at: [f64; 3] = (*point).into();
-        let nearest = tree.query(&at).nearest_one::<SquaredEuclidean<f64>>();
-        nearest.execute().distance <= seen.near_m.powi(2)
+/// Points that answer how far the nearest of them is.
+struct Nearest(Option<ImmutableKdTree<f64, 3>>);
+
+impl Nearest {
+    fn new(points: &[Point]) -> Result<Self, CompleteError> {
+        if points.is_empty() {
+            return Ok(Self(None));
+        }
+        let rows: Vec<[f64; 3]> = points.iter().map(|p| (*p).into()).collect();
+        let tree = ImmutableKdTree::new_from_slice(&rows);
+        let count = points.len();
+        tree.map(|tree| Self(Some(tree)))
+            .map_err(|_overflow| CompleteError::TooManyPoints { count })
+    }
+
+    /// Whether a point is at most so far away.
+    fn reaches(&self, point: &Point, distance_m: f64) -> bool {
+        self.0.as_ref().is_some_and(|tree| {
+            let at: [f64; 3] = (*point).into();
+            let nearest = tree.query(&at).nearest_one::<SquaredEuclidean<f64>>();
+            nearest.execute().distance <= distance_m.powi(2)
+        })
+    }
+
+    /// Median distance of its points to the nearest other one, metres.
+    fn spacing_m(&self, points: &[Point]) -> f64 {
+        let Some(tree) = &self.0 else {
+            return 0.0;
+        };
+        let gap = |point: &Point| {
+            let at: [f64; 3] = (*point).into();
+            let search = tree.query(&at);
+            let pair = search.nearest_n::<SquaredEuclidean<f64>>(ITSELF_AND_ANOTHER);
+            let pair = pair.execute();
+            pair.get(1).map_or(0.0, |other| other.distance.sqrt())
+        };
+        median(points.iter().map(gap).collect())
+    }
+}
+
+/// How many points the nearest other one is found among.
+const ITSELF_AND_ANOTHER: NonZeroUsize = NonZeroUsize::MIN.saturating_add(1);
+
+/// The middle value, the upper of two; 0 of none.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Drops what the measurements or the other views speak against.
+fn drop_refuted(
+    guesses: &mut Vec<Guess>,
+    views: &[SpreadCloud],
+    seen: &SeenSpace<'_>,
+) -> Result<(), CompleteError> {
+    let observed = Nearest::new(seen.observed_world)?;
+    let shares = views
+        .iter()
+        .map(|view| {
+            let nearest = Nearest::new(&view.points_world)?;
+            let reach_m = SPACINGS * nearest.spacing_m(&view.points_world);
+            Ok((nearest, reach_m))
+        })
+        .collect::<Result<Vec<_>, CompleteError>>()?;
+    let unsure_m = UNSURE * median(guesses.iter().map(|guess| guess.spread_m).collect());
+    let is_alone = |guess: &Guess| {
+        let mut others = shares.iter().enumerate();
+        !others.any(|(view, (nearest, reach_m))| {
+            view != guess.view && nearest.reaches(&guess.point, *reach_m)
+        })
     };
-    let is_near = |point: &Point| !rows.is_empty() && is_observed(point);
-    guesses.retain(|guess| !(seen.is_free)(&guess.point) || is_near(&guess.point));
+    guesses.retain(|guess| {
+        let is_refuted =
+            (seen.is_free)(&guess.point) || (guess.spread_m > unsure_m && is_alone(guess));
+        !is_refuted || observed.reaches(&guess.point, seen.near_m)
+    });
     Ok(())
 }
 
@@ -204,128 +280,5 @@ impl Cells {
                 })
             })
         })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use proptest::prelude::*;
-
-    use super::*;
-
-    /// Points along x, millimetres, each with its spread.
-    fn row(points_mm: &[(f64, f64)]) -> SpreadCloud {
-        SpreadCloud {
-            points_world: points_mm
-                .iter()
-                .map(|(x, _)| Point::new(x / 1e3, 0.0, 0.0))
-                .collect(),
-            spread_m: points_mm.iter().map(|(_, spread)| spread / 1e3).collect(),
-        }
-    }
-
-    /// Where the fused points lie, sorted, millimetres.
-    fn fused_mm(views: &[SpreadCloud], seen: &SeenSpace<'_>, count: usize) -> Vec<f64> {
-        let fused = fuse(views, seen, count).unwrap();
-        let mut places: Vec<f64> = fused
-            .points_world
-            .iter()
-            .map(|p| (p.x * 1e3).round())
-            .collect();
-        places.sort_by(f64::total_cmp);
-        places
-    }
-
-    const UNSEEN: SeenSpace<'_> = SeenSpace {
-        is_free: &|_| false,
-        observed_world: &[],
-        near_m: 0.005,
-    };
-
-    #[test]
-    fn a_guess_on_a_surer_surface_says_nothing() {
-        // Of the second view, the guess at 3 may lie on the sure point at 0, that at 9 may not,
-        // that at 20 is as sure as its neighbour, and the one at 41 has only its own view beside it.
-        let sure = row(&[(0.0, 0.5), (21.0, 1.0)]);
-        let guesses = row(&[
-            (3.0, 1.0),
-            (9.0, 2.0),
-            (20.0, 1.2),
-            (40.0, 0.5),
-            (41.0, 2.0),
-        ]);
-        assert_eq!(
-            fused_mm(&[sure, guesses], &UNSEEN, 99),
-            [0.0, 9.0, 20.0, 21.0, 40.0, 41.0]
-        );
-    }
-
-    #[test]
-    fn no_spread_reaches_farther_than_a_centimetre() {
-        let sure = row(&[(0.0, 1.0)]);
-        let lost = row(&[(9.0, 50.0), (11.0, 50.0)]);
-        assert_eq!(fused_mm(&[sure, lost], &UNSEEN, 99), [0.0, 11.0]);
-    }
-
-    #[test]
-    fn what_was_looked_through_goes_unless_it_was_measured() {
-        let views = [row(&[(0.0, 1.0), (30.0, 1.0)]), row(&[(60.0, 1.0)])];
-        let measured = [Point::new(0.064, 0.0, 0.0)];
-        let seen = SeenSpace {
-            is_free: &|p| p.x > 0.02,
-            observed_world: &measured,
-            near_m: 0.005,
-        };
-        assert_eq!(fused_mm(&views, &seen, 99), [0.0, 60.0]);
-    }
-
-    #[test]
-    fn thinning_keeps_the_surest() {
-        let first = row(&[(0.0, 1.0), (8.5, 2.0), (20.0, 1.0)]);
-        let second = row(&[(2.0, 1.5), (11.0, 1.5), (22.0, 1.5)]);
-        assert_eq!(fused_mm(&[first, second], &UNSEEN, 3), [0.0, 11.0, 20.0]);
-    }
-
-    #[test]
-    fn one_view_is_left_alone() {
-        let view = row(&[(5.0, 1.0), (5.0, 9.0), (7.0, 2.0)]);
-        let free = SeenSpace {
-            is_free: &|_| true,
-            ..UNSEEN
-        };
-        assert_eq!(fuse(std::slice::from_ref(&view), &free, 2).unwrap(), view);
-        assert_eq!(fuse(&[], &UNSEEN, 5).unwrap(), SpreadCloud::default());
-        assert_eq!(
-            fuse(&[view, row(&[])], &free, 5).unwrap(),
-            SpreadCloud::default()
-        );
-    }
-
-    proptest! {
-        #[test]
-        fn fused_points_are_the_views_own_and_no_more_than_asked(
-            views in prop::collection::vec(
-                prop::collection::vec(([-0.05..0.05_f64, -0.05..0.05, -0.05..0.05], 0.0..0.02_f64), 0..80),
-                2..4,
-            ),
-            count in 0..150_usize,
-        ) {
-            let clouds: Vec<SpreadCloud> = views.iter().map(|view| SpreadCloud {
-                points_world: view.iter().map(|(p, _)| Point::from(*p)).collect(),
-                spread_m: view.iter().map(|(_, s)| *s).collect(),
-            }).collect();
-            let fused = fuse(&clouds, &UNSEEN, count).unwrap();
-            prop_assert!(fused.points_world.len() <= count);
-            prop_assert_eq!(fused.points_world.len(), fused.spread_m.len());
-            for (point, spread) in fused.points_world.iter().zip(&fused.spread_m) {
-                let is_own = views.iter().flatten().any(|(p, s)| Point::from(*p) == *point && s == spread);
-                prop_assert!(is_own);
-            }
-            // The surest guess of all is never explained and never thinned out.
-            let surest = views.iter().flatten().map(|(_, s)| *s).fold(f64::INFINITY, f64::min);
-            if count >= views.iter().map(Vec::len).sum::<usize>() && surest.is_finite() {
-                prop_assert!(fused.spread_m.contains(&surest));
-            }
-        }
     }
 }
