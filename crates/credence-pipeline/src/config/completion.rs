@@ -13,9 +13,9 @@ const MOST_POINTS: usize = 16_384;
 #[serde(try_from = "String", into = "String")]
 pub enum CompleterChoice {
     /// "none": no object is completed.
-    #[default]
     None,
     /// "cloud": the network that is asked about points around what was seen of an object.
+    #[default]
     Cloud,
     /// "centersnap": the network that finds all objects of a frame at once.
     CenterSnap,
