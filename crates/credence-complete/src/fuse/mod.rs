@@ -6,7 +6,11 @@ use std::{collections::HashMap, num::NonZeroUsize};
 use credence_types::Point;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
-use crate::{CompleteError, even_order};
+use crate::{CompleteError, even_order, refine::misfit_m};
+
+/// A view is clearly wrong whose completion lies this many times as far from what all views
+/// measured as the best one's.
+const MISFIT: f64 = 1.4;
 
 /// A guess may lie on a surer surface if it is within this many of its own spreads: of errors of
 /// Laplace's distribution, 2 % are larger.
@@ -59,12 +63,14 @@ pub struct SeenSpace<'a> {
 ///
 /// It has at most `count` points, in an even order. A single view's completion stays as it is.
 ///
-/// 1. Points in space that a view looked through are dropped, unless measured points are near.
-/// 2. A guess that is clearly less sure than most and that no other view shares is dropped, unless
+/// 1. Views whose completion fits what all of them measured clearly worse than the best one's are
+///    left out: a wrong pose, or a wrong shape.
+/// 2. Points in space that a view looked through are dropped, unless measured points are near.
+/// 3. A guess that is clearly less sure than most and that no other view shares is dropped, unless
 ///    measured points are near.
-/// 3. A guess that may lie on the surface of which another view is clearly surer (within
+/// 4. A guess that may lie on the surface of which another view is clearly surer (within
 ///    four of its own spreads, at most 1 cm) is dropped: it says nothing that the other does not.
-/// 4. What is left is thinned, the surest first, to points that keep a distance.
+/// 5. What is left is thinned, the surest first, to points that keep a distance.
 ///
 /// # Errors
 /// More points than a neighbour search can hold.
@@ -73,7 +79,8 @@ pub fn fuse(
     seen: &SeenSpace<'_>,
     count: usize,
 ) -> Result<SpreadCloud, CompleteError> {
-    if let [view] = views {
+    let views = fitting(views, seen.observed_world)?;
+    if let [view] = views[..] {
         return Ok(view.clone());
     }
     let mut guesses: Vec<Guess> = Vec::new();
@@ -88,7 +95,7 @@ pub fn fuse(
             });
         }
     }
-    drop_refuted(&mut guesses, views, seen)?;
+    drop_refuted(&mut guesses, &views, seen)?;
     // Views take turns among equally sure points, which come in an even order each.
     guesses.sort_by(|a, b| {
         let by_spread = a.spread_m.total_cmp(&b.spread_m);
@@ -104,6 +111,26 @@ pub fn fuse(
         points_world: order.iter().map(|at| kept[*at].point).collect(),
         spread_m: order.iter().map(|at| kept[*at].spread_m).collect(),
     })
+}
+
+/// The views whose completion is not clearly wrong.
+fn fitting<'a>(
+    views: &'a [SpreadCloud],
+    observed_world: &[Point],
+) -> Result<Vec<&'a SpreadCloud>, CompleteError> {
+    if views.len() < 2 || observed_world.is_empty() {
+        return Ok(views.iter().collect());
+    }
+    let misfits = views
+        .iter()
+        .map(|view| misfit_m(&view.points_world, observed_world))
+        .collect::<Result<Vec<f64>, _>>()?;
+    let least = misfits.iter().copied().fold(f64::INFINITY, f64::min);
+    let pairs = views.iter().zip(&misfits);
+    Ok(pairs
+        .filter(|(_, misfit)| **misfit <= MISFIT * least)
+        .map(|(view, _)| view)
+        .collect())
 }
 
 /// A point of a view's completion.
@@ -167,7 +194,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 /// Drops what the measurements or the other views speak against.
 fn drop_refuted(
     guesses: &mut Vec<Guess>,
-    views: &[SpreadCloud],
+    views: &[&SpreadCloud],
     seen: &SeenSpace<'_>,
 ) -> Result<(), CompleteError> {
     let observed = Nearest::new(seen.observed_world)?;

@@ -85,13 +85,40 @@ fn an_unsure_guess_that_no_other_view_shares_goes_unless_it_was_measured() {
 #[test]
 fn what_was_looked_through_goes_unless_it_was_measured() {
     let views = [row(&[(0.0, 1.0), (30.0, 1.0)]), row(&[(60.0, 1.0)])];
-    let measured = [Point::new(0.064, 0.0, 0.0)];
+    let measured = [0.0, 0.064].map(|x| Point::new(x, 0.0, 0.0));
     let seen = SeenSpace {
         is_free: &|p| p.x > 0.02,
         observed_world: &measured,
         near_m: 0.005,
     };
     assert_eq!(fused_mm(&views, &seen, 99), [0.0, 60.0]);
+}
+
+/// A square of 10 x 10 points, 5 mm apart, at a height in millimetres.
+fn sheet(z: f64) -> SpreadCloud {
+    let at = |i: usize| 0.005 * (i % 10) as f64;
+    let points = (0..100).map(|i| Point::new(at(i), at(i / 10), z / 1e3));
+    SpreadCloud {
+        points_world: points.collect(),
+        spread_m: vec![0.001; 100],
+    }
+}
+
+#[test]
+fn a_view_that_misses_what_was_measured_is_left_out() {
+    let measured = sheet(0.0).points_world;
+    let seen = SeenSpace {
+        observed_world: &measured,
+        ..UNSEEN
+    };
+    let [near, off, far] = [1.0, 1.3, 1.5].map(sheet);
+    let both = fuse(&[near.clone(), off.clone(), far.clone()], &seen, 999).unwrap();
+    assert_eq!(both.points_world.len(), 200);
+    assert!(both.points_world.iter().all(|p| p.z < 0.0014));
+    assert_eq!(fuse(&[near.clone(), far], &seen, 999).unwrap(), near);
+    // Without measurements all are equal.
+    let all = fuse(&[near, off, sheet(9.0)], &UNSEEN, 999).unwrap();
+    assert_eq!(all.points_world.len(), 300);
 }
 
 #[test]

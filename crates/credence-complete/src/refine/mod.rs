@@ -155,6 +155,17 @@ fn distinct(points: &[Point]) -> Vec<usize> {
     indices
 }
 
+/// Mean distance of observed points from a completed cloud in the same frame, each at most 2 cm,
+/// metres; NaN without points of either.
+pub(crate) fn misfit_m(completed: &[Point], observed: &[Point]) -> Result<f64, CompleteError> {
+    if completed.is_empty() || observed.is_empty() {
+        return Ok(f64::NAN);
+    }
+    let places = distinct(completed).into_iter();
+    let surface = Surface::new(&places.map(|index| completed[index]).collect::<Vec<_>>())?;
+    residual_m(&surface, &thinned(observed).copied().collect::<Vec<_>>())
+}
+
 /// Mean distance of observed points from a surface, each at most [`CAP_M`].
 fn residual_m(surface: &Surface, observed: &[Point]) -> Result<f64, CompleteError> {
     let feet = surface.feet(observed, &surface.all())?;

@@ -4,7 +4,8 @@ use credence_types::{Category, FREE_CLASS};
 use super::*;
 use crate::scene::{Solid, view};
 
-const SETTINGS: &str = r#"{"training": {"points": 600}, "gp": {"fit_points": 300}}"#;
+const SETTINGS: &str =
+    r#"{"completer": "none", "training": {"points": 600}, "gp": {"fit_points": 300}}"#;
 
 fn mug() -> Solid {
     Solid::cube(Category::Mug, [0.0, 0.0])
