@@ -8,6 +8,7 @@ use credence_nn::{
 use credence_types::{
     Completion, Frame, Instance, ObjectFrame, Observation, Point, all_finite, thinned,
 };
+use rayon::prelude::*;
 
 use super::{
     SurfaceNetwork,
@@ -166,7 +167,7 @@ impl Completer for CloudCompleter {
     ) -> Result<Vec<Result<Completion, Uncompleted>>, CompleteError> {
         let seen = observe(frame, instances, self.table_height_m)?;
         instances
-            .iter()
+            .par_iter()
             .zip(&seen)
             .map(|(instance, seen)| self.complete_one(frame, instance, seen))
             .collect()

@@ -83,7 +83,9 @@ pub struct Refined {
 /// every observed point pulls its nearest place of the completed surface, on which each completed
 /// point stands for a flat disc, with the weight of Geman and `McClure` (1985) and less where the
 /// completer is in doubt. A prior holds what one side of an object does not show, the
-/// more the better the completion fits at the outset; scales stay between 1 / 1.4 and 1.4. The completion is moved only if the residual falls.
+/// more the better the completion fits at the outset; scales stay between 1 / 1.4 and 1.4. The completion is
+/// moved only if the residual falls, and its spreads shrink by as much: what observation has
+/// mended is no longer in doubt.
 ///
 /// # Arguments
 ///
@@ -132,9 +134,11 @@ pub fn refine(
         return Ok(unchanged(before));
     }
     let back = level.transpose();
+    let mended = after / before;
     Ok(Refined {
         completion: Completion {
             points_camera: moved.iter().map(|point| back * point).collect(),
+            spread_m: completion.spread_m.iter().map(|s| s * mended).collect(),
             ..completion.clone()
         },
         residual_before_m: before,

@@ -125,6 +125,9 @@ fn recovers_a_known_motion_from_one_side() {
         let [before, after] = [&displaced, &refined.completion].map(|c| apart_m(c, &truth));
         assert!(before > 0.007 && after < 0.001, "{before} {after}");
         assert!(refined.residual_before_m > 0.001 && refined.residual_after_m < 0.0005);
+        let mended = refined.residual_after_m / refined.residual_before_m;
+        let spread_m = &refined.completion.spread_m;
+        assert!(spread_m.iter().all(|s| (s - 0.001 * mended).abs() < 1e-12));
     }
 }
 
