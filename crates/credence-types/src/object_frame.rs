@@ -69,11 +69,7 @@ impl ObjectFrame {
     /// The frame's units to world metres.
     pub fn world_point(&self, at: [f64; 3]) -> Point {
         let [x, y, z] = [0, 1, 2].map(|axis| at[axis] * Self::UNIT_M + self.origin[axis]);
-        Point::new(
-            self.cos * x - self.sin * y,
-            self.sin * x + self.cos * y,
-            z,
-        )
+        Point::new(self.cos * x - self.sin * y, self.sin * x + self.cos * y, z)
     }
 
     /// World metres to the frame's units.
@@ -135,7 +131,10 @@ mod tests {
             "{left:?}"
         );
         let back = frame.world_point(left);
-        assert!((back - Point::new(0.45, 0.1, -0.01)).norm() < 1e-12, "{back}");
+        assert!(
+            (back - Point::new(0.45, 0.1, -0.01)).norm() < 1e-12,
+            "{back}"
+        );
     }
 
     #[test]

@@ -44,7 +44,6 @@ fn fnv_1a(text: &str) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use rand::seq::SliceRandom as _;
     use rand_chacha::rand_core::Rng as _;
 
     use super::*;
@@ -57,6 +56,22 @@ mod tests {
         assert_ne!(first(1, "a"), first(1, "b"));
         let common = "pipeline/training/observed-points";
         assert_ne!(first(1, common), first(1, &format!("{common}-2")));
+    }
+
+    #[test]
+    fn thinning_is_random_but_for_the_order_of_the_points() {
+        let points: Vec<Point> = (0..50)
+            .map(|i| Point::new(f64::from(i), 0.0, 0.0))
+            .collect();
+        let some = thinned(&points, 20, "test");
+        let reversed: Vec<Point> = points.iter().rev().copied().collect();
+        assert_eq!(thinned(&reversed, 20, "test"), some);
+        assert_ne!(thinned(&points, 20, "other"), some);
+        assert!(some.len() == 20 && some.iter().all(|point| points.contains(point)));
+        let mut all = thinned(&points, 99, "test");
+        assert_ne!(all, points);
+        all.sort_unstable_by(|a, b| a.x.total_cmp(&b.x));
+        assert_eq!(all, points);
     }
 
     #[test]
