@@ -382,7 +382,11 @@ def test_an_object_without_free_space_is_mapped_without_predictions(
     job = planned(dataset, wide, category="mug").jobs[0]
     assert run_job(job, wide).records == []
     folder = dataset / "maps" / "mug-0000"
-    assert {path.name for path in folder.iterdir()} == {"occupancy.ot", "map.json"}
+    assert {path.name for path in folder.iterdir()} == {
+        "occupancy.ot",
+        "map.json",
+        "completed_000001.ply",
+    }
     (item,) = json.loads((folder / "map.json").read_text(encoding="utf-8"))["objects"]
     assert "free" in item["without_predictions"]
 
