@@ -12,12 +12,6 @@ pub enum CompleteError {
     /// Weights that cannot be read, or a failed neighbour search.
     #[error(transparent)]
     Network(#[from] NnError),
-    /// Values that a device did not hand back.
-    #[error("the network's output cannot be read: {why}")]
-    Output {
-        /// What the device says.
-        why: String,
-    },
     /// A completer from outside that failed or broke its protocol.
     #[error("the completer {name} {why}")]
     Foreign {

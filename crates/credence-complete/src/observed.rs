@@ -1,4 +1,4 @@
-use credence_types::{Frame, Instance, InvalidInput, Point};
+use credence_types::{Frame, Instance, Point};
 
 use crate::CompleteError;
 
@@ -8,24 +8,10 @@ use crate::CompleteError;
 /// # Errors
 /// A mask that does not fit the frame.
 pub fn observed_points(frame: &Frame, instance: &Instance) -> Result<Vec<Point>, CompleteError> {
-    let intrinsics = frame.intrinsics();
-    if instance.mask().len() != intrinsics.pixels() {
-        return Err(InvalidInput::BufferLength {
-            name: "mask",
-            found: instance.mask().len(),
-            expected: intrinsics.pixels(),
-            width: intrinsics.width(),
-            height: intrinsics.height(),
-        }
-        .into());
-    }
-    let pixels = instance.mask().iter().zip(frame.depth_m()).enumerate();
-    let measured = pixels.filter(|(_, (inside, depth_m))| **inside && !depth_m.is_nan());
-    let points = measured.map(|(pixel, (_, depth_m))| {
-        let (column, row) = (pixel % intrinsics.width(), pixel / intrinsics.width());
-        let ray = intrinsics.ray(column as f64, row as f64);
-        Point::from(ray * f64::from(*depth_m))
-    });
+    instance.check_fits(frame.intrinsics())?;
+    let pixels = instance.mask().iter().enumerate();
+    let points =
+        pixels.filter_map(|(pixel, inside)| inside.then(|| frame.camera_point(pixel)).flatten());
     Ok(points.collect())
 }
 

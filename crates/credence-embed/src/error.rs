@@ -23,10 +23,4 @@ pub enum EmbedError {
     /// Weights that cannot be read, an observation without points, or a failed neighbour search.
     #[error(transparent)]
     Network(#[from] NnError),
-    /// Values that a device did not hand back.
-    #[error("the network's output cannot be read: {why}")]
-    Output {
-        /// What the device says.
-        why: String,
-    },
 }

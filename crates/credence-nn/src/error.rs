@@ -71,6 +71,12 @@ pub enum NnError {
         /// Queries of the first observation.
         expected: usize,
     },
+    /// Values that a device did not hand back.
+    #[error("the network's output cannot be read: {why}")]
+    Output {
+        /// What the device says.
+        why: String,
+    },
     /// A file that could not be read.
     #[error(
         "cannot read {}: {source}; check the path, or train the network again with \

@@ -6,6 +6,7 @@
 pub mod conv;
 pub mod edge_conv;
 mod error;
+mod host;
 pub mod knn;
 mod leaky_relu;
 pub mod loss;
@@ -18,6 +19,7 @@ mod strongest;
 pub mod weights;
 
 pub use error::NnError;
+pub use host::read;
 pub use leaky_relu::leaky_relu;
 pub use mlp::{Mlp, ResidualMlp};
 pub use parameters::seed_parameters;

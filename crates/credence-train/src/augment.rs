@@ -1,9 +1,13 @@
 //! What training varies about an observation, whatever a network is asked about it.
 
-use credence_types::{InvalidInput, ObjectFrame, Point};
+use credence_types::{InvalidInput, ObjectFrame, Point, Stream, stream};
 use rand::{Rng, RngExt as _, seq::SliceRandom as _};
+use rayon::prelude::*;
 
-use crate::data::Scene;
+use crate::{
+    TrainError,
+    data::{Scene, SceneCache},
+};
 
 /// Units of the object's frame per metre.
 pub(crate) const UNITS_PER_M: f64 = 1.0 / ObjectFrame::UNIT_M;
@@ -61,6 +65,21 @@ impl Placement {
         let at = [x, y * self.mirror, z];
         [0, 1, 2].map(|axis| (at[axis] * self.scale + self.shift[axis]) as f32)
     }
+}
+
+/// A step's examples, each of a scene drawn by the seed, the run's name, the step and its place.
+pub(crate) fn examples<E: Send>(
+    scenes: &SceneCache,
+    (seed, name, step): (u64, &str, u64),
+    count: usize,
+    example: impl Fn(&Scene, &mut Stream) -> Result<E, TrainError> + Sync,
+) -> Result<Vec<E>, TrainError> {
+    let drawn = |slot| {
+        let mut rng = stream(seed, &format!("train/{name}/{step}/{slot}"));
+        let index = rng.random_range(0..scenes.len());
+        example(&scenes.get(index)?, &mut rng)
+    };
+    (0..count).into_par_iter().map(drawn).collect()
 }
 
 /// A random part of the points for the support, as likely of one size as of twice that, and the

@@ -104,6 +104,12 @@ impl Frame {
 
     /// The world point seen at pixel `index` (row-major); `None` without a measurement.
     pub fn world_point(&self, index: usize) -> Option<Point> {
+        let point = self.camera_point(index)?;
+        Some(self.world_from_camera.transform_point(&point))
+    }
+
+    /// The same point in the camera frame.
+    pub fn camera_point(&self, index: usize) -> Option<Point> {
         let depth_m = f64::from(self.depth_m[index]);
         if depth_m.is_nan() {
             return None;
@@ -112,10 +118,7 @@ impl Frame {
         let ray = self
             .intrinsics
             .ray((index % width) as f64, (index / width) as f64);
-        Some(
-            self.world_from_camera
-                .transform_point(&(ray * depth_m).into()),
-        )
+        Some((ray * depth_m).into())
     }
 }
 

@@ -1,4 +1,4 @@
-use crate::{Category, InvalidInput};
+use crate::{Category, Intrinsics, InvalidInput};
 
 /// Excess over 1 of the sum of class scores that still counts as rounding.
 const SUM_TOLERANCE: f64 = 1e-6;
@@ -12,6 +12,23 @@ pub struct Instance {
 }
 
 impl Instance {
+    /// Checks that the mask is of a camera's image.
+    ///
+    /// # Errors
+    /// A mask of another size.
+    pub fn check_fits(&self, intrinsics: &Intrinsics) -> Result<(), InvalidInput> {
+        if self.mask.len() == intrinsics.pixels() {
+            return Ok(());
+        }
+        Err(InvalidInput::BufferLength {
+            name: "mask",
+            found: self.mask.len(),
+            expected: intrinsics.pixels(),
+            width: intrinsics.width(),
+            height: intrinsics.height(),
+        })
+    }
+
     /// A detection: `mask` is row-major at full resolution, `class_scores` the probability of each
     /// category in [`Category::ALL`]'s order, what they leave of 1 that of being none of them, and
     /// `score` the detector's confidence in \[0, 1\].

@@ -39,7 +39,7 @@ pub use observation::Observation;
 pub use occupancy::{OccupancyNode, OccupancyTree};
 pub use pose::Pose;
 pub use prediction::{Prediction, Predictions};
-pub use random::{stream, thinned};
+pub use random::{Stream, stream, thinned};
 
 /// A point in metres; which frame it is in stands in the name of the variable that holds it.
 pub type Point = nalgebra::Point3<f64>;

@@ -5,11 +5,14 @@ use rand_chacha::{ChaCha20Rng, rand_core::SeedableRng as _};
 
 use crate::Point;
 
+/// The random numbers of one seed and purpose.
+pub type Stream = ChaCha20Rng;
+
 /// A random stream of its own per seed and purpose, so that no draw shifts another's.
 ///
 /// The cipher's key is the seed and the purpose's first 24 bytes; a longer purpose also selects
 /// the cipher's stream by its FNV-1a hash, so that names with a common beginning stay apart.
-pub fn stream(seed: u64, purpose: &str) -> ChaCha20Rng {
+pub fn stream(seed: u64, purpose: &str) -> Stream {
     let mut key = [0; 32];
     let room = key.len() - size_of::<u64>();
     let bytes = seed.to_le_bytes().into_iter().chain(purpose.bytes());

@@ -1,5 +1,5 @@
 use burn::tensor::{Device, Tensor, TensorData};
-use credence_nn::knn::Neighbours;
+use credence_nn::{knn::Neighbours, read};
 use credence_types::{Category, Point, stream};
 use nalgebra::{Matrix3, Vector3};
 use rand::{Rng, RngExt as _};
@@ -353,15 +353,6 @@ fn narrow(point: &Point) -> [f32; 3] {
 fn normal(rng: &mut impl Rng) -> f32 {
     let radius = (-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt();
     (radius * (std::f64::consts::TAU * rng.random::<f64>()).cos()) as f32
-}
-
-fn read<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, CompleteError> {
-    tensor
-        .into_data()
-        .try_to_vec()
-        .map_err(|e| CompleteError::Output {
-            why: format!("{e:?}"),
-        })
 }
 
 #[cfg(test)]

@@ -1,5 +1,8 @@
-use burn::tensor::{Device, Tensor};
-use credence_nn::query::{Batch, Encoded, QueryTensors, Sample, Support};
+use burn::tensor::Device;
+use credence_nn::{
+    query::{Batch, Encoded, QueryTensors, Sample, Support},
+    read,
+};
 use rayon::prelude::*;
 
 use super::SurfaceNetwork;
@@ -59,13 +62,4 @@ impl<'a> Field<'a> {
         let chunks: Result<Vec<Vec<Answer>>, CompleteError> = chunks.collect();
         Ok(chunks?.concat())
     }
-}
-
-fn read<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, CompleteError> {
-    tensor
-        .into_data()
-        .try_to_vec()
-        .map_err(|e| CompleteError::Output {
-            why: format!("{e:?}"),
-        })
 }

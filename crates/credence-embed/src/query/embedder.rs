@@ -1,9 +1,9 @@
 use std::path::Path;
 
-use burn::tensor::{Device, Tensor};
+use burn::tensor::Device;
 use credence_nn::{
     query::{Batch, QueryTensors, REACH, Sample, Support, Widths},
-    weights,
+    read, weights,
 };
 use credence_types::{ObjectFrame, Observation, Point, all_finite, thinned};
 use rayon::prelude::*;
@@ -134,13 +134,4 @@ fn answer(logit: f32, direction: &[f32], query: [f32; 3]) -> QueryEmbedding {
         logit: if far { FAR_LOGIT } else { f64::from(logit) },
         direction: [0, 1, 2].map(|axis| f64::from(direction[axis])),
     }
-}
-
-fn read<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, EmbedError> {
-    tensor
-        .into_data()
-        .try_to_vec()
-        .map_err(|e| EmbedError::Output {
-            why: format!("{e:?}"),
-        })
 }

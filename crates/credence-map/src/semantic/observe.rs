@@ -13,7 +13,7 @@
 
 use std::cmp::Ordering;
 
-use credence_types::{Frame, Instance, InvalidInput, Point, PointCloud};
+use credence_types::{Frame, Instance, Point, PointCloud};
 
 use crate::{MapError, VoxelKey, tracker::Observation};
 
@@ -95,18 +95,8 @@ fn owners(
     instances: &[Instance],
     hits: &[Option<Hit>],
 ) -> Result<Vec<Option<usize>>, MapError> {
-    let intrinsics = frame.intrinsics();
     for instance in instances {
-        if instance.mask().len() != intrinsics.pixels() {
-            return Err(InvalidInput::BufferLength {
-                name: "mask",
-                found: instance.mask().len(),
-                expected: intrinsics.pixels(),
-                width: intrinsics.width(),
-                height: intrinsics.height(),
-            }
-            .into());
-        }
+        instance.check_fits(frame.intrinsics())?;
     }
     let mut order: Vec<usize> = (0..instances.len()).collect();
     order.sort_by(|a, b| precedence(&instances[*a], &instances[*b]));

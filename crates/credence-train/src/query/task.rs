@@ -1,8 +1,5 @@
 use burn::tensor::{Device, Tensor};
 use credence_embed::query::{Batch, QueryNetwork};
-use credence_types::stream;
-use rand::RngExt as _;
-use rayon::prelude::*;
 
 use super::{
     augment::{Example, training_example},
@@ -11,6 +8,7 @@ use super::{
 };
 use crate::{
     TrainError,
+    augment::examples,
     data::SceneCache,
     run::{Figures, Task},
 };
@@ -40,16 +38,10 @@ impl Task for QueryTask {
     }
 
     fn prepare(&self, step: u64) -> Result<Vec<Example>, TrainError> {
-        let example = |slot| {
-            let mut rng = stream(self.seed, &format!("train/query/{step}/{slot}"));
-            let index = rng.random_range(0..self.scenes.len());
-            let scene = self.scenes.get(index)?;
-            training_example(&scene, self.queries, &mut rng)
-        };
-        (0..self.observations)
-            .into_par_iter()
-            .map(example)
-            .collect()
+        let draw = (self.seed, "query", step);
+        examples(&self.scenes, draw, self.observations, |scene, rng| {
+            training_example(scene, self.queries, rng)
+        })
     }
 
     fn loss(

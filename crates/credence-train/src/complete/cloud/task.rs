@@ -1,9 +1,6 @@
 use burn::tensor::{Device, Tensor};
 use credence_complete::cloud::SurfaceNetwork;
 use credence_nn::query::Batch;
-use credence_types::stream;
-use rand::RngExt as _;
-use rayon::prelude::*;
 
 use super::{
     evaluate::{evaluate, figure_names},
@@ -12,6 +9,7 @@ use super::{
 };
 use crate::{
     TrainError,
+    augment::examples,
     data::SceneCache,
     run::{Figures, Task},
 };
@@ -41,15 +39,10 @@ impl Task for SurfaceTask {
     }
 
     fn prepare(&self, step: u64) -> Result<Vec<Example>, TrainError> {
-        let example = |slot| {
-            let mut rng = stream(self.seed, &format!("train/cloud/{step}/{slot}"));
-            let index = rng.random_range(0..self.scenes.len());
-            training_example(&self.scenes.get(index)?, self.queries, &mut rng)
-        };
-        (0..self.observations)
-            .into_par_iter()
-            .map(example)
-            .collect()
+        let draw = (self.seed, "cloud", step);
+        examples(&self.scenes, draw, self.observations, |scene, rng| {
+            training_example(scene, self.queries, rng)
+        })
     }
 
     fn loss(
