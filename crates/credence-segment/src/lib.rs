@@ -1,0 +1,10 @@
+//! Instance segmentation: from a frame to the objects in it.
+//!
+//! A [`Segmenter`] gives every object of a frame a mask, a distribution over the categories and a
+//! score.
+
+mod error;
+mod segmenter;
+
+pub use error::SegmentError;
+pub use segmenter::Segmenter;
