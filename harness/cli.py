@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 from rich.progress import Progress as ProgressBar
 
-from harness import cli_completion, cli_data, cli_study
+from harness import cli_completion, cli_data, cli_pictures, cli_study
 from harness.bench import (
     QUICK_SCENES,
     BenchOptions,
@@ -254,7 +254,7 @@ def render(
     return EXIT_OK
 
 
-for part in (cli_study.commands, cli_completion.commands, cli_data.commands):
+for part in (cli_study.commands, cli_completion.commands, cli_data.commands, cli_pictures.commands):
     app.registered_commands += part.registered_commands
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sim_scenes.geometry import Floats
-    from sim_scenes.world import Body, World
+    from sim_scenes.world import World
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,15 @@ class Light:
         }
 
 
+class Numbered(Protocol):
+    """What stands in a world."""
+
+    @property
+    def number(self) -> int:
+        """Of its body, which has no links."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class Picture:
     """What the renderer gives: exact depth, no sensor yet.
@@ -90,7 +99,7 @@ class Picture:
 def render(
     world: World,
     *,
-    bodies: Sequence[Body],
+    bodies: Sequence[Numbered],
     world_from_camera: Floats,
     intrinsics: Intrinsics,
     light: Light,

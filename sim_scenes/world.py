@@ -5,6 +5,7 @@ The table's top is the plane z = 0, on which the Panda's base stands at the orig
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,8 @@ from sim_scenes.geometry import (
 from sim_scenes.scratch import mesh_file, texture_file
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from sim_scenes.solid import Solid
     from sim_scenes.textures import Picture
 
@@ -132,11 +135,19 @@ class World:
         """Put an object, at rest, where the pose (4, 4) of its mesh frame says."""
         # PyBullet poses a body by its centre of mass, which is not the mesh's origin.
         centre = apply(world_from_object, body.solid.centre_of_mass[None])[0]
-        quaternion = quaternion_from_rotation(world_from_object[:3, :3])
-        self.call(
-            "resetBasePositionAndOrientation", body.number, centre.tolist(), quaternion.tolist()
+        self.put(
+            body.number, rigid(rotation=world_from_object[:3, :3], translation=centre)
         )
         self.call("resetBaseVelocity", body.number, [0.0] * 3, [0.0] * 3)
+
+    def put(self, number: int, pose: Floats) -> None:
+        """Put a body's centre of mass, and its axes, at a pose (4, 4)."""
+        self.call(
+            "resetBasePositionAndOrientation",
+            number,
+            pose[:3, 3].tolist(),
+            quaternion_from_rotation(pose[:3, :3]).tolist(),
+        )
 
     def pose(self, body: Body) -> Floats:
         """Pose `world_from_object` (4, 4) of an object's mesh frame."""
@@ -149,19 +160,39 @@ class World:
 
     def cover(self, number: int, picture: Picture) -> None:
         """Cover a body with a picture (h, w, 3)."""
+        self.wrap(number, self.load_texture(picture))
+
+    def load_texture(self, picture: Picture) -> int:
+        """Load a picture (h, w, 3); return its number, which holds until the world is emptied."""
         path = texture_file(picture)
-        # PyBullet keeps the files it reads for ever: right for meshes, a leak for textures.
-        self.call("setPhysicsEngineParameter", enableFileCaching=0)
-        loaded = self.call("loadTexture", str(path))
-        self.call("setPhysicsEngineParameter", enableFileCaching=1)
+        with self.uncached():
+            loaded: int = self.call("loadTexture", str(path))
         path.unlink()
+        return loaded
+
+    def wrap(
+        self, number: int, texture: int, *, tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    ) -> None:
+        """Cover a body with a loaded texture, its colours multiplied by a tint."""
         self.call(
-            "changeVisualShape",
-            number,
-            -1,
-            textureUniqueId=loaded,
-            rgbaColor=[1.0, 1.0, 1.0, 1.0],
+            "changeVisualShape", number, -1, textureUniqueId=texture, rgbaColor=[*tint, 1.0]
         )
+
+    def recolour(self, number: int, rgba: tuple[float, float, float, float]) -> None:
+        """Multiply a body's colours; the renderer skips what is wholly transparent."""
+        self.call("changeVisualShape", number, -1, rgbaColor=rgba)
+
+    @contextmanager
+    def uncached(self) -> Iterator[None]:
+        """Read files without keeping them: PyBullet otherwise does so for ever.
+
+        Right for meshes that come again and again, a leak for textures.
+        """
+        self.call("setPhysicsEngineParameter", enableFileCaching=0)
+        try:
+            yield
+        finally:
+            self.call("setPhysicsEngineParameter", enableFileCaching=1)
 
     def step(self, count: int) -> None:
         """Advance the simulation by `count` time steps."""
