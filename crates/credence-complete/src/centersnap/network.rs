@@ -1,11 +1,11 @@
 use burn::{
     module::{Module, Param},
     nn::{Linear, LinearConfig},
-    tensor::{Device, Int, Tensor, TensorData, activation::relu},
+    tensor::{Device, Int, Tensor, TensorData},
 };
 use credence_nn::{
-    Mlp, RowNorm,
-    conv::{Conv3, Grid, enlarge, thin},
+    Mlp,
+    conv::{Block, Grid, Layer, enlarge},
 };
 use credence_types::Category;
 
@@ -261,26 +261,6 @@ impl Statistics {
     }
 }
 
-/// A convolution, normalised and rectified.
-#[derive(Module, Debug)]
-struct Layer {
-    conv: Conv3,
-    norm: RowNorm,
-}
-
-impl Layer {
-    fn new(inputs: usize, outputs: usize, stride: usize, device: &Device) -> Self {
-        Self {
-            conv: Conv3::new(inputs, outputs, stride, device),
-            norm: RowNorm::new(outputs, device),
-        }
-    }
-
-    fn forward(&self, x: Tensor<2>, grid: Grid) -> Tensor<2> {
-        relu(self.norm.forward(self.conv.forward(x, grid)))
-    }
-}
-
 /// Blocks of 4x4 pixels and their neighbours: what a convolution of 12x12 pixels sees.
 #[derive(Module, Debug)]
 struct Stem {
@@ -296,44 +276,5 @@ impl Stem {
 
     fn forward(&self, rows: Tensor<2>, grid: Grid) -> Tensor<2> {
         self.layer.forward(rows, grid)
-    }
-}
-
-/// The basic block of residual networks (He et al. 2016).
-#[derive(Module, Debug)]
-struct Block {
-    first: Layer,
-    second: Conv3,
-    norm: RowNorm,
-    shortcut: Option<Linear>,
-    shortcut_norm: Option<RowNorm>,
-    stride: usize,
-}
-
-impl Block {
-    fn new(inputs: usize, outputs: usize, stride: usize, device: &Device) -> Self {
-        let other = stride != 1 || inputs != outputs;
-        Self {
-            first: Layer::new(inputs, outputs, stride, device),
-            second: Conv3::new(outputs, outputs, 1, device),
-            norm: RowNorm::new(outputs, device),
-            shortcut: other.then(|| {
-                let linear = LinearConfig::new(inputs, outputs).with_bias(false);
-                linear.init(device)
-            }),
-            shortcut_norm: other.then(|| RowNorm::new(outputs, device)),
-            stride,
-        }
-    }
-
-    fn forward(&self, x: Tensor<2>, grid: Grid) -> (Tensor<2>, Grid) {
-        let coarse = grid.every(self.stride);
-        let y = self.first.forward(x.clone(), grid);
-        let y = self.norm.forward(self.second.forward(y, coarse));
-        let around = match (&self.shortcut, &self.shortcut_norm) {
-            (Some(linear), Some(norm)) => norm.forward(linear.forward(thin(x, grid, self.stride))),
-            _ => x,
-        };
-        (relu(y + around), coarse)
     }
 }

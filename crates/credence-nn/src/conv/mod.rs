@@ -5,6 +5,8 @@
 //! neighbourhoods with a matrix. Gathering the neighbourhoods is an operation of its own with a
 //! gradient of its own: burn's CPU backend has no kernel for the weights of a convolution.
 
+mod block;
+mod layer;
 mod patches;
 
 use burn::{
@@ -13,6 +15,8 @@ use burn::{
     tensor::{Device, Int, Tensor, TensorData},
 };
 
+pub use block::Block;
+pub use layer::Layer;
 pub use patches::patches;
 
 /// Pixels of a 3x3 neighbourhood.
