@@ -17,6 +17,7 @@ from rich.progress import (
 )
 
 from harness.cli_parts import EXIT_OK, number_option, print_line
+from harness.errors import InputError
 
 commands = typer.Typer()
 
@@ -50,7 +51,14 @@ def training_pictures(
     ] = None,
 ) -> int:
     """Render pictures with true masks, of random looks, to train the segmentation network on."""
-    from harness.training_pictures import PictureOptions, Step, make_pictures
+    try:
+        from harness.training_pictures import PictureOptions, Step, make_pictures
+    except ModuleNotFoundError as error:
+        if error.name != "safetensors":
+            raise
+        raise InputError(
+            "package 'safetensors' is not installed; `pip install 'credence[train]'` has it"
+        ) from error
 
     console = Console(stderr=True)
     bar = ProgressBar(

@@ -34,7 +34,7 @@ from harness.picture_shards import (
 )
 from harness.runs.atomic import PARTIAL_SUFFIX, remove_quietly, write_text
 from harness.runs.manifest import core_count, git_state
-from sim_scenes import ObjectSet, SceneError, load_object_set
+from sim_scenes import ObjectSet, SceneError, SimulatorMissing, load_object_set
 from sim_scenes.objects import ObjectError
 from sim_scenes.objects.manifest import find_manifest, sha256_of
 from sim_scenes.pictures import GROUP, TrainingPicture, draw_group
@@ -172,7 +172,8 @@ def draw_shard(objects: ObjectSet, key: ShardKey) -> list[TrainingPicture]:
     """Draw the pictures of a shard."""
     groups = range(key.first // GROUP, -(-(key.first + key.count) // GROUP))
     pictures = [picture for group in groups for picture in draw_group(objects, key.seed, group)]
-    return pictures[: key.count]
+    skipped = key.first - groups.start * GROUP
+    return pictures[skipped : skipped + key.count]
 
 
 def _plan(options: PictureOptions) -> list[_Job]:
@@ -207,9 +208,7 @@ def _check_folder(options: PictureOptions, key: ShardKey) -> None:
         found = shard_metadata(path)
         for name, value in wanted.items():
             if found and found.get(name) != value:
-                raise InputError(
-                    f"{path} is of {name} {found.get(name)}, not {value}; {remedy}"
-                )
+                raise InputError(f"{path} is of {name} {found.get(name)}, not {value}; {remedy}")
     last = shard_path(options.out, (options.count - 1) // PICTURES_PER_SHARD)
     if shards and shards[-1].name > last.name:
         raise InputError(
@@ -266,7 +265,7 @@ def _run(jobs: list[_Job], *, workers: int, done: Callable[[_Job], None]) -> Non
 
 @contextmanager
 def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Processes that, after Ctrl-C too, finish the shards they are at and then go."""
+    """Lend processes that, after Ctrl-C too, finish the shards they are at and then go."""
     pool = ProcessPoolExecutor(
         workers,
         mp_context=multiprocessing.get_context("spawn"),
@@ -295,4 +294,6 @@ def _make(job: _Job) -> None:
         pictures = draw_shard(_objects_of(job.objects, os.getpid()), job.key)
     except (ObjectError, SceneError) as error:
         raise InputError(f"--objects: {error}") from error
+    except SimulatorMissing as error:
+        raise InputError(str(error)) from error
     write_shard(job.path, pictures, job.key)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TypeAlias
 
 import numpy as np
@@ -28,6 +29,16 @@ def inverse(matrix: Floats) -> Floats:
 def apply(matrix: Floats, points: Floats) -> Floats:
     """Transform points (n, 3) by a (4, 4) matrix."""
     return points @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def turn(axis: int, angle_rad: float) -> Floats:
+    """Rotation (3, 3) about a coordinate axis: 0 for x, 1 for y, 2 for z."""
+    matrix = np.eye(3)
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    matrix[i, i] = matrix[j, j] = math.cos(angle_rad)
+    matrix[j, i] = math.sin(angle_rad)
+    matrix[i, j] = -matrix[j, i]
+    return matrix
 
 
 def rotation_from_quaternion(quaternion: npt.ArrayLike) -> Floats:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim_scenes.geometry import Floats, apply, rigid, rotation_angle
+from sim_scenes.geometry import Floats, apply, rigid, rotation_angle, turn
 from sim_scenes.rejected import Rejected
 
 if TYPE_CHECKING:
@@ -109,21 +109,12 @@ def _start(solid: Solid, position: Floats, random: np.random.Generator) -> Float
     """Pose above the table: a random yaw, a slight tilt, the lowest point at the drop height."""
     yaw = random.uniform(-math.pi, math.pi)
     tilt = random.uniform(-DROP_TILT_RAD, DROP_TILT_RAD, size=2)
-    turn = _turn(2, yaw) @ _turn(0, tilt[0]) @ _turn(1, tilt[1])
+    rotation = turn(2, yaw) @ turn(0, tilt[0]) @ turn(1, tilt[1])
     middle = np.append(solid.bounds.mean(axis=0)[:2], 0.0)
-    lowest = float(apply(rigid(rotation=turn, translation=np.zeros(3)), solid.hull)[:, 2].min())
+    lowest = float(apply(rigid(rotation=rotation, translation=np.zeros(3)), solid.hull)[:, 2].min())
     translation = np.append(position, random.uniform(*DROP_HEIGHT_M) - lowest)
-    translation[:2] -= (turn @ middle)[:2]
-    return rigid(rotation=turn, translation=translation)
-
-
-def _turn(axis: int, angle_rad: float) -> Floats:
-    turn = np.eye(3)
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    turn[i, i] = turn[j, j] = math.cos(angle_rad)
-    turn[j, i] = math.sin(angle_rad)
-    turn[i, j] = -turn[j, i]
-    return turn
+    translation[:2] -= (rotation @ middle)[:2]
+    return rigid(rotation=rotation, translation=translation)
 
 
 def _positions(solids: Sequence[Solid], random: np.random.Generator) -> list[Floats]:

@@ -135,9 +135,7 @@ class World:
         """Put an object, at rest, where the pose (4, 4) of its mesh frame says."""
         # PyBullet poses a body by its centre of mass, which is not the mesh's origin.
         centre = apply(world_from_object, body.solid.centre_of_mass[None])[0]
-        self.put(
-            body.number, rigid(rotation=world_from_object[:3, :3], translation=centre)
-        )
+        self.put(body.number, rigid(rotation=world_from_object[:3, :3], translation=centre))
         self.call("resetBaseVelocity", body.number, [0.0] * 3, [0.0] * 3)
 
     def put(self, number: int, pose: Floats) -> None:
@@ -174,9 +172,7 @@ class World:
         self, number: int, texture: int, *, tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
     ) -> None:
         """Cover a body with a loaded texture, its colours multiplied by a tint."""
-        self.call(
-            "changeVisualShape", number, -1, textureUniqueId=texture, rgbaColor=[*tint, 1.0]
-        )
+        self.call("changeVisualShape", number, -1, textureUniqueId=texture, rgbaColor=[*tint, 1.0])
 
     def recolour(self, number: int, rgba: tuple[float, float, float, float]) -> None:
         """Multiply a body's colours; the renderer skips what is wholly transparent."""

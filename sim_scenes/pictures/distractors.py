@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import trimesh
 
-from sim_scenes.geometry import Floats, Ints, apply, rigid, rotation_from_quaternion
+from sim_scenes.geometry import Floats, Ints, rigid, rotation_from_quaternion, turn
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -56,7 +56,8 @@ class Shape:
 def standing(vertices: Floats) -> Floats:
     """Move points (n, 3) so that they stand on z = 0, their box's middle above the origin."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
-    return vertices - np.array([*(low + high)[:2] / 2, low[2]])
+    foot: Floats = np.array([*(low + high)[:2] / 2, low[2]])
+    return vertices - foot
 
 
 def distractor(random: np.random.Generator) -> Shape:
@@ -65,8 +66,7 @@ def distractor(random: np.random.Generator) -> Shape:
     mesh = make(random)
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
     if random.uniform() < TILTED:
-        turn = rotation_from_quaternion(random.standard_normal(4))
-        vertices = apply(rigid(rotation=turn, translation=np.zeros(3)), vertices)
+        vertices = vertices @ rotation_from_quaternion(random.standard_normal(4)).T
     return unwrap(standing(vertices), np.asarray(mesh.faces, dtype=np.int64))
 
 
@@ -94,8 +94,12 @@ def _size(random: np.random.Generator, low_m: float = 0.02, high_m: float = LARG
     return float(random.uniform(low_m, high_m))
 
 
+def _turned(axis: int, angle_rad: float) -> Floats:
+    return rigid(rotation=turn(axis, angle_rad), translation=np.zeros(3))
+
+
 def _lying(mesh: Any) -> Any:
-    mesh.apply_transform(trimesh.transformations.rotation_matrix(math.pi / 2, [1, 0, 0]))
+    mesh.apply_transform(_turned(0, math.pi / 2))
     return mesh
 
 
@@ -170,9 +174,7 @@ def _stack(random: np.random.Generator) -> Any:
     for _ in range(int(random.integers(2, 5))):
         extents = random.uniform([0.02, 0.02, 0.01], [0.09, 0.09, 0.045])
         part = trimesh.creation.box(extents=extents)
-        part.apply_transform(
-            trimesh.transformations.rotation_matrix(random.uniform(0, math.pi), [0, 0, 1])
-        )
+        part.apply_transform(_turned(2, random.uniform(0, math.pi)))
         part.apply_translation([*random.uniform(-0.01, 0.01, size=2), top + extents[2] / 2])
         top += extents[2]
         parts.append(part)

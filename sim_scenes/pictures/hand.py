@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sim_scenes.camera import HAND_FROM_CAMERA
-from sim_scenes.geometry import Floats, inverse, rigid
+from sim_scenes.geometry import Floats, inverse, rigid, turn
 
 if TYPE_CHECKING:
     from sim_scenes.world import World
@@ -68,10 +68,10 @@ class Hand:
         self._world.put(hand.number, world_from_hand)
         # The second finger is the first, turned by half a turn about z.
         for finger, side in zip(fingers, (1.0, -1.0), strict=True):
-            turn = np.diag([side, side, 1.0])
+            facing = np.diag([side, side, 1.0])
             offset = np.add(FINGER_ORIGIN_M, [0.0, side * opening_m, 0.0])
             self._world.put(
-                finger.number, world_from_hand @ rigid(rotation=turn, translation=offset)
+                finger.number, world_from_hand @ rigid(rotation=facing, translation=offset)
             )
 
 
@@ -82,17 +82,8 @@ def _mount(random: np.random.Generator) -> Floats:
     camera_from_hand[1, 3] += random.uniform(*CLOSER_M)
     camera_from_hand[2, 3] += random.uniform(*FORWARD_M)
     camera_from_hand[0, 3] += random.normal(0.0, 0.015)
-    tilt = _turn(0, -random.uniform(*TILT_RAD))
-    wobble = _turn(1, random.normal(0.0, WOBBLE_RAD)) @ _turn(2, random.normal(0.0, WOBBLE_RAD))
+    tilt = turn(0, -random.uniform(*TILT_RAD))
+    wobble = turn(1, random.normal(0.0, WOBBLE_RAD)) @ turn(2, random.normal(0.0, WOBBLE_RAD))
     # A camera on another side of the hand sees it at another border: above in half of them.
-    side = _turn(2, random.choice([0.0, 0.0, 0.0, 0.5, 1.0, 1.5]) * math.pi)
-    return side @ tilt @ wobble @ camera_from_hand
-
-
-def _turn(axis: int, angle_rad: float) -> Floats:
-    turn = np.eye(4)
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    turn[i, i] = turn[j, j] = math.cos(angle_rad)
-    turn[j, i] = math.sin(angle_rad)
-    turn[i, j] = -turn[j, i]
-    return turn
+    side = turn(2, random.choice([0.0, 0.0, 0.0, 0.5, 1.0, 1.5]) * math.pi)
+    return rigid(rotation=side @ tilt @ wobble, translation=np.zeros(3)) @ camera_from_hand

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim_scenes.geometry import Floats, look_at, rigid
+from sim_scenes.geometry import Floats, look_at, rigid, turn
 from sim_scenes.placement import TARGET_BEARING_RAD, TARGET_RADIUS_M
 from sim_scenes.spec import Arc, SceneSpec
 from sim_scenes.views import FARTHER, FLAT
@@ -74,9 +74,7 @@ class Standing:
     @property
     def world_from_thing(self) -> Floats:
         """Pose (4, 4)."""
-        cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
-        turn = [[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]]
-        return rigid(rotation=turn, translation=[*self.place_m, 0.0])
+        return rigid(rotation=turn(2, self.yaw_rad), translation=[*self.place_m, 0.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,6 +262,4 @@ def _camera(
     aim_m = aim_m + away_m * np.array([math.cos(bearing), math.sin(bearing), 0.0])
     camera = look_at(eye=aim_m + random.uniform(near_m, far_m) * direction, target=aim_m)
     roll = random.normal(0.0, ROLL_RAD) if random.uniform() < ROLLED else 0.0
-    cos, sin = math.cos(roll), math.sin(roll)
-    turn = [[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]]
-    return camera @ rigid(rotation=turn, translation=np.zeros(3))
+    return camera @ rigid(rotation=turn(2, roll), translation=np.zeros(3))

@@ -20,11 +20,10 @@ import numpy.typing as npt
 
 from sim_scenes.camera import Intrinsics, d435_intrinsics
 from sim_scenes.errors import SceneError
-from sim_scenes.geometry import Floats
 from sim_scenes.objects.manifest import CATEGORIES
 from sim_scenes.pictures.distractors import distractor
 from sim_scenes.pictures.hand import Hand
-from sim_scenes.pictures.layout import Counts, Layout, Standing, draw_counts, draw_layout
+from sim_scenes.pictures.layout import Counts, Layout, draw_counts, draw_layout
 from sim_scenes.pictures.stage import WHITE, Stage, Thing, Tint, shape_of
 from sim_scenes.pictures.surfaces import floor_surface, object_surface, table_surface
 from sim_scenes.render import Light, render
@@ -34,6 +33,7 @@ from sim_scenes.streams import stream
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from sim_scenes.geometry import Floats
     from sim_scenes.objects import ObjectModel, ObjectSet
     from sim_scenes.render import Numbered, Picture as Rendered
 
@@ -270,7 +270,7 @@ def _choose(objects: ObjectSet, random: np.random.Generator) -> list[ObjectModel
 def number_shown(
     instance_ids: npt.NDArray[np.uint16], categories: Sequence[str]
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
-    """Number the objects of which a pixel shows from 1 on, without gaps.
+    """Count up the objects of which a pixel shows, from 1 on, without gaps.
 
     Parameters
     ----------

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import trimesh
 
-from sim_scenes.geometry import Floats
 from sim_scenes.pictures.distractors import Shape, standing, unwrap
 from sim_scenes.pictures.hand import HIDDEN
 from sim_scenes.pictures.layout import Footprint
@@ -16,6 +15,7 @@ from sim_scenes.scratch import mesh_file
 from sim_scenes.world import World
 
 if TYPE_CHECKING:
+    from sim_scenes.geometry import Floats
     from sim_scenes.objects import ObjectModel
     from sim_scenes.textures import Picture
 
@@ -43,15 +43,11 @@ class Stage:
         bullet = self.world.bullet
         # A file that is loaded once is not worth keeping, neither by PyBullet nor on the disk.
         with self.world.uncached():
-            visual = self.world.call(
-                "createVisualShape", bullet.GEOM_MESH, fileName=str(drawn)
-            )
+            visual = self.world.call("createVisualShape", bullet.GEOM_MESH, fileName=str(drawn))
             number: int = self.world.call("createMultiBody", 0, -1, visual)
         drawn.unlink()
         if not shape.closed:
-            self.world.call(
-                "changeVisualShape", number, -1, flags=bullet.VISUAL_SHAPE_DOUBLE_SIDED
-            )
+            self.world.call("changeVisualShape", number, -1, flags=bullet.VISUAL_SHAPE_DOUBLE_SIDED)
         self.hide(number)
         return Thing(number, Footprint(shape.radius_m, shape.height_m))
 

@@ -6,20 +6,25 @@ cloths: a network that shall find shapes must not take a colour or a pattern for
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from PIL import Image, ImageDraw
 
-from sim_scenes.geometry import Floats
 from sim_scenes.textures import (
     FLOOR_PATTERNS,
     OBJECT_PATTERNS,
     SIDE_PX,
     TABLE_PATTERNS,
+    Pattern,
     Picture,
     colour,
     paint,
     uniform,
 )
+
+if TYPE_CHECKING:
+    from sim_scenes.geometry import Floats
 
 ALL_PATTERNS = tuple(dict.fromkeys(OBJECT_PATTERNS + TABLE_PATTERNS + FLOOR_PATTERNS))
 ANY = (0.0, 1.0)
@@ -53,7 +58,7 @@ def floor_surface(random: np.random.Generator) -> Picture:
 
 def _ground(
     random: np.random.Generator,
-    patterns: tuple,  # type: ignore[type-arg]
+    patterns: tuple[Pattern, ...],
     *,
     saturation: tuple[float, float],
     value: tuple[float, float],
