@@ -9,12 +9,14 @@ _Floats = npt.NDArray[np.float64]
 
 __all__ = [
     "Completion",
+    "Detection",
     "Hyperparameters",
     "MappedObject",
     "MeshTruth",
     "OccupancyMap",
     "Pipeline",
     "Predictions",
+    "Segmenter",
     "TrainingSet",
     "Voxels",
     "binary_metrics",
@@ -123,6 +125,53 @@ class Completion:
         """Write ``x y z spread``, doubles, metres, as binary PLY."""
 
 @final
+class Detection:
+    """An object found in a frame.
+
+    ``mask`` (h, w) is at the image's full resolution, and ``box`` (4,) its left, top, right and
+    bottom in pixels: the outer edges of the mask's pixels, of which the first has its centre at 0
+    and its edges at -0.5 and 0.5. ``class_scores`` (6,) are the probabilities of the categories, in
+    the order of `harness.native.CLASS_NAMES` after ``"free"``; what they leave of 1 is the
+    probability of none of them. ``category`` is the most probable one, ``score`` how probable it is
+    that the detection is right.
+    """
+
+    @property
+    def mask(self) -> npt.NDArray[np.bool_]: ...
+    @property
+    def box(self) -> _Floats: ...
+    @property
+    def category(self) -> str: ...
+    @property
+    def score(self) -> float: ...
+    @property
+    def class_scores(self) -> _Floats: ...
+
+@final
+class Segmenter:
+    """The segmenter of a pipeline's configuration, by itself: what `Pipeline.add_frame` works with.
+
+    ``name`` is as the configuration spells it: ``"oracle"``, which needs a frame's ``instance_ids``
+    and ``categories``, or ``"python:module.function"``. Such a function is imported when the
+    segmenter is made, and called for every frame as `harness.native.SegmenterFunction` says.
+    """
+
+    def __new__(cls, config: str = "{}") -> Self: ...
+    @property
+    def name(self) -> str: ...
+    def segment(
+        self,
+        *,
+        rgb: npt.NDArray[np.uint8],
+        depth_m: npt.NDArray[np.float32],
+        intrinsics: Sequence[float] | _Floats,
+        world_from_camera: _Floats,
+        instance_ids: npt.NDArray[np.uint16] | None = None,
+        categories: Mapping[int, str] | None = None,
+    ) -> list[Detection]:
+        """Find the objects in a frame; none where nothing is in view."""
+
+@final
 class Voxels:
     @property
     def centres_world(self) -> _Floats: ...
@@ -205,7 +254,9 @@ class Predictions:
 class Pipeline:
     def __new__(cls, config: str = "{}") -> Self: ...
     @property
-    def segmenter(self) -> str: ...
+    def segmenter(self) -> str:
+        """Name of the segmenter, as the configuration spells it; see `Segmenter`."""
+
     @property
     def completer(self) -> str:
         """Name of the completer, as the configuration spells it.

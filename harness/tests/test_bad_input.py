@@ -128,8 +128,8 @@ NO_PIXEL = {
         ({"categories": {"a": "mug"}}, "categories has the key 'a'; instance ids are whole number"),
         (
             {"instance_ids": None, "categories": None},
-            'segmenter = "oracle" needs true masks, and this frame has none; pass instance_ids and '
-            "categories, or choose another segmenter",
+            'segmenter = "oracle" needs true masks: pass instance_ids and categories with the '
+            "frame, or choose another segmenter",
         ),
     ],
 )

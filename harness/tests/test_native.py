@@ -35,7 +35,8 @@ def test_the_stub_says_what_the_module_has() -> None:
 
 def test_the_door_lets_everything_through() -> None:
     compiled = sys.modules["harness._native"]
-    assert set(native.__all__) == {*compiled.__all__, "CLASS_NAMES", "CompleterFunction"}
+    own = {"CLASS_NAMES", "CompleterFunction", "SegmenterFunction"}
+    assert set(native.__all__) == {*compiled.__all__, *own}
     assert all(getattr(native, name) is getattr(compiled, name) for name in compiled.__all__)
 
 

@@ -11,34 +11,23 @@ pub(crate) struct Completers {
 }
 
 impl Completers {
-    /// The configuration's choice. Files of weights are read at once, so that a wrong one is found
-    /// before any work is done.
-    pub(crate) fn new(config: &Config) -> Result<Self, PipelineError> {
-        if let CompleterChoice::Python(_) = &config.completer {
-            return Err(PipelineError::Config(format!(
-                "completer = \"{}\" needs Python; make the pipeline there, or pass a completer",
-                config.completer
-            )));
-        }
-        let mut completers = Self::of(config, None);
-        if config.completion.weights.file().is_some() {
-            completers.get()?;
-        }
-        Ok(completers)
-    }
-
-    /// One from outside.
-    pub(crate) fn foreign(config: &Config, completer: Box<dyn Completer>) -> Self {
-        Self::of(config, Some(completer))
-    }
-
-    fn of(config: &Config, loaded: Option<Box<dyn Completer>>) -> Self {
-        Self {
+    /// The configuration's choice, or `foreign` in its place. Files of weights are read at once, so
+    /// that a wrong one is found before any work is done.
+    pub(crate) fn new(
+        config: &Config,
+        foreign: Option<Box<dyn Completer>>,
+    ) -> Result<Self, PipelineError> {
+        let mut completers = Self {
             choice: config.completer.clone(),
             completion: config.completion.clone(),
             table_height_m: config.metric.table_height_m,
-            loaded,
+            loaded: foreign,
+        };
+        let is_python = matches!(completers.choice, CompleterChoice::Python(_));
+        if is_python || config.completion.weights.file().is_some() {
+            completers.get()?;
         }
+        Ok(completers)
     }
 
     /// Whether nothing completes objects.
@@ -58,7 +47,7 @@ impl Completers {
         let CompletionConfig {
             points, weights, ..
         } = &self.completion;
-        Ok(match self.choice {
+        Ok(match &self.choice {
             CompleterChoice::Cloud => Some(Box::new(match weights.file() {
                 None => CloudCompleter::embedded(self.table_height_m, *points)?,
                 Some(path) => CloudCompleter::from_file(path, self.table_height_m, *points)?,
@@ -67,7 +56,13 @@ impl Completers {
                 None => CenterSnap::embedded()?,
                 Some(path) => CenterSnap::from_file(path)?,
             })),
-            CompleterChoice::None | CompleterChoice::Python(_) => None,
+            CompleterChoice::None => None,
+            CompleterChoice::Python(function) => {
+                return Err(PipelineError::Config(format!(
+                    "completer = \"{function}\" needs Python; make the pipeline there, or pass a \
+                     completer"
+                )));
+            }
         })
     }
 }

@@ -90,12 +90,9 @@ pub enum PipelineError {
     /// An input no stage can work with.
     #[error(transparent)]
     Input(#[from] InvalidInput),
-    /// The oracle was chosen for data without masks.
-    #[error(
-        "segmenter = \"oracle\" needs true masks, and this frame has none; \
-         pass instance_ids and categories, or choose another segmenter"
-    )]
-    NoTrueMasks,
+    /// The segmenter cannot work with a frame, or broke its protocol.
+    #[error(transparent)]
+    Segment(#[from] credence_segment::SegmentError),
     /// The map cannot answer.
     #[error(transparent)]
     Map(#[from] credence_map::MapError),

@@ -25,15 +25,16 @@ pub use classify::Classification;
 pub use completion::{ObjectCompletion, Registration};
 pub use config::{
     AssociationChoice, CompleterChoice, CompletionConfig, Config, GpConfig, KernelInput, MapConfig,
-    MetricConfig, ModelChoice, Platt, PythonFunction, RecalibrationConfig, SegmenterChoice,
-    SmoothnessChoice, TrainingConfig, TunedConfig, Weights,
+    MetricConfig, ModelChoice, Platt, PythonFunction, RecalibrationConfig, SegmentationConfig,
+    SegmenterChoice, SmoothnessChoice, TrainingConfig, TunedConfig, Weights,
 };
 pub use credence_complete as complete;
 pub use credence_embed as embed;
 pub use credence_gp as gp;
 pub use credence_map as map;
+pub use credence_segment as segment;
 pub use error::PipelineError;
 pub use models::NetworkView;
-pub use pipeline::{Pipeline, StageTime};
-pub use segmenter::{Oracle, Segmenter};
+pub use pipeline::{Foreign, Pipeline, StageTime};
+pub use segmenter::{ChosenSegmenter, Oracle, outer_box};
 pub use training::TrainingSet;

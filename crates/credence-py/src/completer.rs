@@ -1,76 +1,34 @@
 //! Completers that are Python callables.
 
 use credence_pipeline::{
-    CompleterChoice, Config, Pipeline, PipelineError, PythonFunction,
+    PythonFunction,
     complete::{CompleteError, Completer, Uncompleted, even_order},
 };
 use credence_types::{Completion, Frame, Instance};
-use numpy::{
-    ToPyArray as _,
-    ndarray::{Array2, Array3},
-};
+use numpy::{ToPyArray as _, ndarray::Array3};
 use pyo3::{
     exceptions::{PyTypeError, PyValueError},
     prelude::*,
-    types::{PyDict, PySequence, PyTuple},
+    types::{PySequence, PyTuple},
 };
 
 use crate::{
     arrays::Array,
-    errors::{caused_by, to_python},
+    frame::frame_arguments,
+    function::{ImportedFunction, type_name},
 };
 
-/// The pipeline of a configuration; a completer that it names in Python is imported.
-pub(crate) fn pipeline(py: Python<'_>, config: Config) -> PyResult<Pipeline> {
-    let made = match &config.completer {
-        CompleterChoice::Python(function) => {
-            let completer = PythonCompleter::import(py, function, config.completion.points)?;
-            py.detach(|| Pipeline::with_completer(config, Box::new(completer)))
-        }
-        CompleterChoice::None | CompleterChoice::Cloud | CompleterChoice::CenterSnap => {
-            py.detach(|| Pipeline::new(config))
-        }
-    };
-    made.map_err(|err: PipelineError| to_python(&err))
-}
-
 /// A callable `f(*, rgb, depth_m, intrinsics, world_from_camera, masks, categories)`.
-struct PythonCompleter {
-    name: String,
-    function: Py<PyAny>,
+pub(crate) struct PythonCompleter {
+    function: ImportedFunction,
     /// Points of a completion, at most.
     points: usize,
 }
 
 impl PythonCompleter {
-    fn import(py: Python<'_>, choice: &PythonFunction, points: usize) -> PyResult<Self> {
-        let name = CompleterChoice::Python(choice.clone()).to_string();
-        let PythonFunction { module, function } = choice;
-        let imported = py.import(module.as_str()).map_err(|cause| {
-            let message = format!(
-                "completer = \"{name}\": cannot import {module}: {cause}; install it, or put the \
-                 folder that holds it on PYTHONPATH"
-            );
-            caused_by(py, PyValueError::new_err(message), cause)
-        })?;
-        let found = imported.getattr(function.as_str()).map_err(|cause| {
-            let message = format!(
-                "completer = \"{name}\": the module {module} has no {function}; name a function \
-                 that it defines"
-            );
-            caused_by(py, PyValueError::new_err(message), cause)
-        })?;
-        if !found.is_callable() {
-            return Err(PyValueError::new_err(format!(
-                "completer = \"{name}\": {module}.{function} is of type {}; name a function",
-                found.get_type().name()?
-            )));
-        }
-        Ok(Self {
-            name,
-            function: found.unbind(),
-            points,
-        })
+    pub(crate) fn import(py: Python<'_>, named: &PythonFunction, points: usize) -> PyResult<Self> {
+        let function = ImportedFunction::import(py, "completer", named)?;
+        Ok(Self { function, points })
     }
 
     fn call<'py>(
@@ -79,27 +37,14 @@ impl PythonCompleter {
         frame: &Frame,
         instances: &[Instance],
     ) -> PyResult<Bound<'py, PyAny>> {
+        let arguments = frame_arguments(py, frame)?;
         let camera = frame.intrinsics();
         let (height, width) = (camera.height(), camera.width());
-        let rgb = Array3::from_shape_fn((height, width, 3), |(row, column, channel)| {
-            frame.rgb()[row * width + column][channel]
-        });
-        let depth_m = Array2::from_shape_fn((height, width), |(row, column)| {
-            frame.depth_m()[row * width + column]
-        });
         let shape = (instances.len(), height, width);
         let masks = Array3::from_shape_fn(shape, |(instance, row, column)| {
             instances[instance].mask()[row * width + column]
         });
-        let ([fx, fy], [cx, cy]) = (camera.focal_px(), camera.centre_px());
-        let pose = frame.world_from_camera().to_matrix().to_vec();
         let names: Vec<&str> = instances.iter().map(|i| i.category().name()).collect();
-        let arguments = PyDict::new(py);
-        arguments.set_item("rgb", rgb.to_pyarray(py))?;
-        arguments.set_item("depth_m", depth_m.to_pyarray(py))?;
-        arguments.set_item("intrinsics", (fx, fy, cx, cy))?;
-        let pose = Array2::from(pose).to_pyarray(py);
-        arguments.set_item("world_from_camera", pose)?;
         arguments.set_item("masks", masks.to_pyarray(py))?;
         arguments.set_item("categories", names)?;
         self.function.bind(py).call((), Some(&arguments))
@@ -138,7 +83,7 @@ impl PythonCompleter {
         instance: &Instance,
     ) -> PyResult<Result<Completion, Uncompleted>> {
         if entry.is_none() {
-            let why = format!("{} returned None for it", self.name);
+            let why = format!("{} returned None for it", self.function.name);
             return Ok(Err(Uncompleted::Declined(why)));
         }
         let pair = entry.cast::<PyTuple>().ok().filter(|pair| pair.len() == 2);
@@ -203,14 +148,9 @@ impl Completer for PythonCompleter {
 impl PythonCompleter {
     fn failed(&self, why: String, cause: PyErr) -> CompleteError {
         CompleteError::Foreign {
-            name: self.name.clone(),
+            name: self.function.name.clone(),
             why,
             source: Some(Box::new(cause)),
         }
     }
-}
-
-fn type_name(object: &Bound<'_, PyAny>) -> String {
-    let name = object.get_type().name();
-    name.map_or_else(|_err| "unknown".to_owned(), |name| name.to_string())
 }

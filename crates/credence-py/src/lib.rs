@@ -10,10 +10,15 @@ mod arrays;
 mod completer;
 mod completion;
 mod errors;
+mod frame;
+mod function;
 mod gp;
 mod map;
 mod pipeline;
 mod score;
+mod segmentation;
+mod segmenter;
+mod stages;
 
 use pyo3::prelude::*;
 
@@ -28,5 +33,6 @@ mod _native {
             PyHyperparameters, PyPipeline, PyPredictions, PyTrainingSet, check_pipeline_config,
         },
         score::{PyMeshTruth, binary_metrics, nearest_observation},
+        segmentation::{PyDetection, PySegmenter},
     };
 }

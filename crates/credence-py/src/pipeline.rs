@@ -6,20 +6,17 @@ use credence_pipeline::{
     Classification, Config, ModelChoice, NetworkView, Pipeline, PipelineError, StageTime,
     TrainingSet, gp::Hyperparameters, map::ObjectId,
 };
-use credence_types::{Category, Frame, FrameTruth, Intrinsics, Point, Pose, Prediction};
+use credence_types::{Category, Point, Prediction};
 use numpy::{PyArray1, PyArray2, ToPyArray as _, ndarray::Array2};
-use pyo3::{
-    exceptions::{PyTypeError, PyValueError},
-    prelude::*,
-    types::PyMapping,
-};
+use pyo3::{prelude::*, types::PyMapping};
 
 use crate::{
     arrays::{self, Array},
-    completer,
     completion::PyCompletion,
     errors::to_python,
+    frame::read_frame,
     map::{PyMappedObject, PyOccupancyMap, PyVoxels},
+    stages,
 };
 
 /// Checks the JSON text of a pipeline configuration, whether a pipeline can be made of it, and
@@ -31,7 +28,7 @@ pub(crate) fn check_pipeline_config(py: Python<'_>, text: &str) -> PyResult<Stri
         Ok((config.to_json()?, config))
     };
     let (whole, config) = read().map_err(|err: PipelineError| to_python(&err))?;
-    completer::pipeline(py, config)?;
+    stages::pipeline(py, config)?;
     Ok(whole)
 }
 
@@ -247,7 +244,7 @@ impl PyPipeline {
     #[pyo3(signature = (config = "{}"))]
     fn new(py: Python<'_>, config: &str) -> PyResult<Self> {
         let config = Config::from_json(config).map_err(|err| to_python(&err))?;
-        completer::pipeline(py, config).map(Self)
+        stages::pipeline(py, config).map(Self)
     }
 
     #[getter]
@@ -281,29 +278,16 @@ impl PyPipeline {
         instance_ids: Option<Array<'_, u16>>,
         categories: Option<&Bound<'_, PyMapping>>,
     ) -> PyResult<Vec<Option<u32>>> {
-        let [height, width] = depth_m.image_size("depth_m")?;
-        let image = [Some(height), Some(width)];
-        let [fx, fy, cx, cy] = focal_and_centre(intrinsics)?;
-        let camera =
-            Intrinsics::new([width, height], [fx, fy], [cx, cy]).map_err(|err| to_python(&err))?;
-        let pose = world_from_camera.matrix4("world_from_camera")?;
-        let pose = Pose::from_matrix("world_from_camera", &pose).map_err(|err| to_python(&err))?;
-        let rgb: Vec<[u8; 3]> = rgb
-            .values("rgb", &[image[0], image[1], Some(3)])?
-            .chunks_exact(3)
-            .map(|c| [c[0], c[1], c[2]])
-            .collect();
-        let depth_m = depth_m.values("depth_m", &image)?;
-        let truth = match instance_ids {
-            None => None,
-            Some(ids) => Some(FrameTruth {
-                instance_ids: ids.values("instance_ids", &image)?,
-                categories: named_categories(categories)?,
-            }),
-        };
+        let frame = read_frame(
+            py,
+            &rgb,
+            &depth_m,
+            intrinsics,
+            &world_from_camera,
+            instance_ids.as_ref(),
+            categories,
+        )?;
         py.detach(|| {
-            let frame =
-                Frame::new(rgb, depth_m, camera, pose, truth).map_err(|err| to_python(&err))?;
             let report = self.0.add_frame(&frame).map_err(|err| to_python(&err))?;
             Ok(report.objects.iter().map(|id| id.map(|id| id.0)).collect())
         })
@@ -437,45 +421,4 @@ impl PyPipeline {
 
 fn rows(vectors: &[[f64; 3]]) -> Array2<f64> {
     Array2::from_shape_fn((vectors.len(), 3), |(row, axis)| vectors[row][axis])
-}
-
-fn focal_and_centre(intrinsics: &Bound<'_, PyAny>) -> PyResult<[f64; 4]> {
-    intrinsics.extract().map_err(|_err| {
-        let text = intrinsics.to_string();
-        let found: Vec<&str> = text.split_whitespace().collect();
-        PyTypeError::new_err(format!(
-            "intrinsics is {}; expected the four numbers (fx, fy, cx, cy), in pixels",
-            found.join(" ")
-        ))
-    })
-}
-
-fn named_categories(
-    categories: Option<&Bound<'_, PyMapping>>,
-) -> PyResult<BTreeMap<u16, Category>> {
-    let mut named = BTreeMap::new();
-    let Some(categories) = categories else {
-        return Ok(named);
-    };
-    for item in categories.items()? {
-        let (id, name): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item.extract()?;
-        let key = id
-            .extract()
-            .ok()
-            .filter(|id: &u16| *id > 0)
-            .ok_or_else(|| {
-                PyValueError::new_err(format!(
-                    "categories has the key {}; instance ids are whole numbers from 1 to 65535",
-                    id.repr()
-                        .map_or_else(|_err| String::new(), |text| text.to_string())
-                ))
-            })?;
-        let name: String = name.extract().map_err(|_err| {
-            PyTypeError::new_err(format!(
-                "categories[{key}] is {name}; expected a category's name, such as 'mug'"
-            ))
-        })?;
-        named.insert(key, name.parse().map_err(|err| to_python(&err))?);
-    }
-    Ok(named)
 }

@@ -3,7 +3,7 @@ use credence_map::MapError;
 
 use super::*;
 use crate::{
-    Config, Pipeline, PipelineError,
+    Config, Foreign, Pipeline, PipelineError,
     scene::{Solid, view},
 };
 
@@ -77,7 +77,11 @@ fn pipeline(behaviour: Behaviour, completion: &str) -> Pipeline {
     let settings =
         format!(r#"{{"completer": "python:tests.cubes", "completion": {{{completion}}}}}"#);
     let config = Config::from_json(&settings).unwrap();
-    Pipeline::with_completer(config, Box::new(Cubes(behaviour))).unwrap()
+    let foreign = Foreign {
+        completer: Some(Box::new(Cubes(behaviour))),
+        ..Foreign::default()
+    };
+    Pipeline::with(config, foreign).unwrap()
 }
 
 /// Adds the views and returns the one object.

@@ -5,15 +5,6 @@ use serde_json::Value;
 
 use crate::PipelineError;
 
-/// The segmenters by name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum SegmenterChoice {
-    /// The true masks that the simulator or the dataset delivers.
-    #[default]
-    Oracle,
-}
-
 /// The classifiers by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -109,6 +100,5 @@ macro_rules! named_by_serde {
     };
 }
 
-named_by_serde!(SegmenterChoice, "segmenter");
 named_by_serde!(ModelChoice, "model");
 named_by_serde!(SmoothnessChoice, "smoothness");

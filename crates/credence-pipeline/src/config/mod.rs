@@ -3,18 +3,22 @@ mod completion;
 mod gp;
 mod map;
 mod metric;
+mod python;
 mod recalibration;
+mod segmentation;
 mod strict;
 #[cfg(test)]
 mod tests;
 mod training;
 
-pub use choices::{AssociationChoice, KernelInput, ModelChoice, SegmenterChoice, SmoothnessChoice};
-pub use completion::{CompleterChoice, CompletionConfig, PythonFunction};
+pub use choices::{AssociationChoice, KernelInput, ModelChoice, SmoothnessChoice};
+pub use completion::{CompleterChoice, CompletionConfig};
 pub use gp::{GpConfig, TunedConfig};
 pub use map::MapConfig;
 pub use metric::{MetricConfig, Weights};
+pub use python::PythonFunction;
 pub use recalibration::{Platt, RecalibrationConfig};
+pub use segmentation::{SegmentationConfig, SegmenterChoice};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use strict::{positive, refuse_misfits, refuse_unknown_keys};
@@ -28,6 +32,8 @@ use crate::PipelineError;
 pub struct Config {
     /// Which segmenter finds the objects.
     pub segmenter: SegmenterChoice,
+    /// The segmentation.
+    pub segmentation: SegmentationConfig,
     /// Which completer imagines their whole shapes.
     pub completer: CompleterChoice,
     /// The completions.
@@ -97,6 +103,7 @@ impl Config {
             positive(key, value)?;
         }
         self.metric.check()?;
+        self.segmentation.check()?;
         self.completion.check()?;
         self.recalibration.check()?;
         let TrainingConfig {

@@ -194,6 +194,64 @@ fn completers_go_by_name_or_by_the_functions() {
 }
 
 #[test]
+fn segmenters_go_by_name_or_by_the_functions() {
+    let segmenter = |name: &str| {
+        let text = serde_json::json!({ "segmenter": name }).to_string();
+        Config::from_json(&text).map(|config| config.segmenter)
+    };
+    assert_eq!(segmenter("oracle").unwrap(), SegmenterChoice::Oracle);
+    let python = segmenter("python:tools.masks.find").unwrap();
+    assert_eq!(python.to_string(), "python:tools.masks.find");
+    let config = Config {
+        segmenter: python,
+        ..Config::default()
+    };
+    assert_eq!(
+        Config::from_json(&config.to_json().unwrap()).unwrap(),
+        config
+    );
+    for name in ["orakel", "", "python:", "python:find", "tools.masks.find"] {
+        let refused = segmenter(name).unwrap_err().to_string();
+        let expected = format!("configuration: segmenter is \"{name}\"; expected one of `oracle`");
+        assert!(refused.contains(&expected), "{refused}");
+        assert!(refused.contains("\"python:module.function\""), "{refused}");
+    }
+}
+
+#[test]
+fn settings_of_segmentation_are_checked() {
+    let config =
+        Config::from_json(r#"{"segmentation": {"least_score": 1, "calibrated": false}}"#).unwrap();
+    assert_eq!(
+        config.segmentation,
+        SegmentationConfig {
+            least_score: 1.0,
+            calibrated: false,
+            ..SegmentationConfig::default()
+        }
+    );
+    for value in [-0.1, 1.5] {
+        let refused = message(&format!(
+            r#"{{"segmentation": {{"least_score": {value}}}}}"#
+        ));
+        let expected = format!("segmentation.least_score is {value}; it must lie in [0, 1]");
+        assert!(refused.ends_with(&expected), "{refused}");
+    }
+    assert!(message(r#"{"segmenter": 1}"#).ends_with("segmenter is 1; expected a text"));
+    assert!(
+        message(r#"{"segmentation": {"weight": "a"}}"#)
+            .ends_with("unknown key segmentation.weight; did you mean segmentation.weights?")
+    );
+    assert!(
+        message(r#"{"segmentation": {"weights": ""}}"#).contains("segmentation.weights is empty")
+    );
+    assert!(
+        message(r#"{"segmentation": {"calibrated": 1}}"#)
+            .ends_with("segmentation.calibrated is 1; expected true or false")
+    );
+}
+
+#[test]
 fn settings_of_completion_are_checked() {
     assert!(message(r#"{"completer": 1}"#).ends_with("completer is 1; expected a text"));
     assert!(

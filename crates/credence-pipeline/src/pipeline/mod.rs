@@ -6,10 +6,12 @@ use std::time::{Duration, Instant};
 use credence_complete::{CompleteError, Completer};
 use credence_embed::QueryEmbedding;
 use credence_map::{InsertReport, ObjectId, SemanticMap};
+use credence_segment::Segmenter;
 use credence_types::{Frame, Instance, InvalidInput, Point};
 
 use crate::{
-    Classification, Config, ModelChoice, ObjectCompletion, PipelineError, Segmenter, TrainingSet,
+    ChosenSegmenter, Classification, Config, ModelChoice, ObjectCompletion, PipelineError,
+    TrainingSet,
     classify::Evidence,
     completers::Completers,
     completion::{Completions, View, register},
@@ -29,10 +31,19 @@ pub struct StageTime {
     pub seconds: f64,
 }
 
+/// Stages from outside, in place of those that the configuration names.
+#[derive(Default)]
+pub struct Foreign {
+    /// What finds the objects in a frame.
+    pub segmenter: Option<Box<dyn Segmenter>>,
+    /// What imagines their whole shapes.
+    pub completer: Option<Box<dyn Completer>>,
+}
+
 /// From frames to a semantic map to classified points.
 pub struct Pipeline {
     config: Config,
-    segmenter: Box<dyn Segmenter>,
+    segmenter: ChosenSegmenter,
     completers: Completers,
     map: SemanticMap,
     viewpoints: Viewpoints,
@@ -45,34 +56,22 @@ impl Pipeline {
     /// An empty map and the stages that the configuration names.
     ///
     /// # Errors
-    /// A setting outside its range, a file of weights that cannot be read, a completer from
-    /// Python.
+    /// A setting outside its range, a file of weights that cannot be read, a stage in Python.
     pub fn new(config: Config) -> Result<Self, PipelineError> {
-        config.check()?;
-        let completers = Completers::new(&config)?;
-        Self::with(config, completers)
+        Self::with(config, Foreign::default())
     }
 
-    /// A pipeline whose objects `completer` completes, in place of the one that the configuration
-    /// names.
+    /// A pipeline with stages from outside.
     ///
     /// # Errors
-    /// A setting outside its range, a file of weights that cannot be read.
-    pub fn with_completer(
-        config: Config,
-        completer: Box<dyn Completer>,
-    ) -> Result<Self, PipelineError> {
+    /// A setting outside its range, a file of weights that cannot be read, a stage in Python for
+    /// which there is none from outside.
+    pub fn with(config: Config, foreign: Foreign) -> Result<Self, PipelineError> {
         config.check()?;
-        let completers = Completers::foreign(&config, completer);
-        Self::with(config, completers)
-    }
-
-    fn with(config: Config, completers: Completers) -> Result<Self, PipelineError> {
-        let map = SemanticMap::new(config.map.settings())?;
         Ok(Self {
-            segmenter: config.segmenter.build(),
-            completers,
-            map,
+            segmenter: ChosenSegmenter::new(&config, foreign.segmenter)?,
+            completers: Completers::new(&config, foreign.completer)?,
+            map: SemanticMap::new(config.map.settings())?,
             viewpoints: Viewpoints::default(),
             completions: Completions::default(),
             embedders: Embedders::new(&config.metric)?,

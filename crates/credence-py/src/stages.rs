@@ -1,0 +1,32 @@
+//! Stages that a configuration names in Python.
+
+use credence_pipeline::{
+    CompleterChoice, Config, Foreign, Pipeline, SegmenterChoice, segment::Segmenter,
+};
+use pyo3::prelude::*;
+
+use crate::{completer::PythonCompleter, errors::to_python, segmenter::PythonSegmenter};
+
+/// The pipeline of a configuration; functions that it names in Python are imported.
+pub(crate) fn pipeline(py: Python<'_>, config: Config) -> PyResult<Pipeline> {
+    let foreign = Foreign {
+        segmenter: segmenter(py, &config)?,
+        completer: match &config.completer {
+            CompleterChoice::Python(named) => {
+                let completer = PythonCompleter::import(py, named, config.completion.points)?;
+                Some(Box::new(completer))
+            }
+            CompleterChoice::None | CompleterChoice::Cloud | CompleterChoice::CenterSnap => None,
+        },
+    };
+    py.detach(|| Pipeline::with(config, foreign))
+        .map_err(|err| to_python(&err))
+}
+
+/// The segmenter of a configuration, if it is a function in Python.
+pub(crate) fn segmenter(py: Python<'_>, config: &Config) -> PyResult<Option<Box<dyn Segmenter>>> {
+    match &config.segmenter {
+        SegmenterChoice::Python(named) => Ok(Some(Box::new(PythonSegmenter::import(py, named)?))),
+        SegmenterChoice::Oracle => Ok(None),
+    }
+}
