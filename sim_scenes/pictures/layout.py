@@ -163,6 +163,20 @@ def draw_layout(
     )
 
 
+def table_fills(world_from_camera: Floats, intrinsics: Intrinsics) -> bool:
+    """Whether every ray of an image ends at the table's top, or at what stands on it."""
+    # The rays through the image's corners enclose all others, and the top is convex.
+    right, bottom = intrinsics.width, intrinsics.height
+    u, v = np.array([[-1, right, right, -1], [-1, -1, bottom, bottom]], dtype=np.float64)
+    rays = np.stack([(u - intrinsics.cx) / intrinsics.fx, (v - intrinsics.cy) / intrinsics.fy])
+    rays_world = np.column_stack([*rays, np.ones(4)]) @ world_from_camera[:3, :3].T
+    eye = world_from_camera[:3, 3]
+    if (rays_world[:, 2] >= 0).any():
+        return False
+    hits = eye[:2] - rays_world[:, :2] * (eye[2] / rays_world[:, 2:])
+    return bool((np.abs(hits - TABLE_CENTRE_M[:2]) < TABLE_HALF_M[:2]).all())
+
+
 class _Table:
     """Circles on the table that stay apart."""
 

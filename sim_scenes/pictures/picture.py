@@ -23,7 +23,13 @@ from sim_scenes.errors import SceneError
 from sim_scenes.objects.manifest import CATEGORIES
 from sim_scenes.pictures.distractors import distractor
 from sim_scenes.pictures.hand import Hand
-from sim_scenes.pictures.layout import Counts, Layout, draw_counts, draw_layout
+from sim_scenes.pictures.layout import (
+    Counts,
+    Layout,
+    draw_counts,
+    draw_layout,
+    table_fills,
+)
 from sim_scenes.pictures.stage import WHITE, Stage, Thing, Tint, shape_of
 from sim_scenes.pictures.surfaces import floor_surface, object_surface, table_surface
 from sim_scenes.render import Light, render
@@ -222,7 +228,12 @@ class _Group:
             )
         world = stage.world
         world.wrap(world.table, int(random.choice(self._tables)), tint=_tint(random))
-        world.wrap(world.floor, int(random.choice(self._floors)), tint=_tint(random))
+        floor, tint = int(random.choice(self._floors)), _tint(random)
+        if table_fills(layout.world_from_camera, picture_intrinsics()):
+            # Hidden, it would still take a fifth of the time.
+            stage.hide(world.floor)
+        else:
+            world.wrap(world.floor, floor, tint=tint)
         return [self._objects[item.thing] for item in layout.objects]
 
     def _render(
