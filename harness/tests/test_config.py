@@ -142,7 +142,7 @@ def test_a_loaded_configuration_holds_the_pipelines_defaults(write: Writer) -> N
     config = load_config(None)
     assert config.pipeline["segmenter"] == "oracle"
     assert config.pipeline["map"]["resolution_m"] == 0.005
-    tables = {"map", "training", "gp", "metric", "completion", "recalibration"}
+    tables = {"segmentation", "completion", "map", "training", "gp", "metric", "recalibration"}
     assert set(config.pipeline) == {"segmenter", "completer", *tables}
     for said in ("segmenter = 'oracle'", "map.resolution_m = 0.005", "map.max_range_m = 2"):
         assert load_config(write(f"[pipeline]\n{said}\n")) == config
