@@ -17,6 +17,21 @@ pub trait Completer: Send + Sync {
     ) -> Result<Vec<Result<Completion, Uncompleted>>, CompleteError>;
 }
 
+/// Fewest measured points of an instance that a completion is made from: without any, even its
+/// distance would be a guess.
+const LEAST_POINTS: usize = 50;
+
+/// Refuses an instance of too few measured points.
+pub(crate) const fn check_measured(found: usize) -> Result<(), Uncompleted> {
+    if found < LEAST_POINTS {
+        return Err(Uncompleted::TooFewPoints {
+            found,
+            least: LEAST_POINTS,
+        });
+    }
+    Ok(())
+}
+
 /// Why an instance has no completion: no error, a thing that happens.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Uncompleted {
@@ -43,5 +58,19 @@ impl fmt::Display for Uncompleted {
             Self::NotDetected => f.write_str("the network did not find it in the image"),
             Self::Declined(why) => f.write_str(why),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fifty_measured_points_are_enough() {
+        assert_eq!(check_measured(50), Ok(()));
+        assert_eq!(
+            check_measured(49).unwrap_err().to_string(),
+            "49 of its pixels have a valid depth; a completion needs at least 50"
+        );
     }
 }

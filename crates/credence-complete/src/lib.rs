@@ -11,6 +11,8 @@ mod even;
 mod fuse;
 mod observed;
 mod refine;
+mod search;
+mod spread;
 
 pub use completer::{Completer, Uncompleted};
 pub use error::CompleteError;
@@ -18,3 +20,4 @@ pub use even::even_order;
 pub use fuse::{SeenSpace, SpreadCloud, fuse};
 pub use observed::observed_points;
 pub use refine::{Refined, refine};
+pub use spread::within_tolerance;

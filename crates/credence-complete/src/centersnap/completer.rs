@@ -12,14 +12,13 @@ use super::{
     image::NetworkImage,
     network::CenterSnapNetwork,
 };
-use crate::{CompleteError, Completer, Uncompleted, even_order, observed_points};
+use crate::{
+    CompleteError, Completer, Uncompleted, completer::check_measured, even_order, observed_points,
+};
 
 /// The weights that come with the crate.
 const NETWORK: &[u8] = include_bytes!("../../../../assets/weights/centersnap.safetensors");
 const AUTOENCODER: &[u8] = include_bytes!("../../../../assets/weights/autoencoder.safetensors");
-
-/// Fewest measured points of an instance: without any, its distance would be a guess.
-const LEAST_POINTS: usize = 50;
 
 impl CenterSnap {
     /// The networks that come with the crate.
@@ -79,12 +78,7 @@ impl Completer for CenterSnap {
             .into_par_iter()
             .zip(associated)
             .map(|(found, detection)| {
-                if found < LEAST_POINTS {
-                    return Err(Uncompleted::TooFewPoints {
-                        found,
-                        least: LEAST_POINTS,
-                    });
-                }
+                check_measured(found)?;
                 let index = detection.ok_or(Uncompleted::NotDetected)?;
                 Ok(completion(&detections[index]))
             })

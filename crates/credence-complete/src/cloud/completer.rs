@@ -16,21 +16,20 @@ use super::{
     observe::observe,
     surface::{SurfacePoints, find_surface},
 };
-use crate::{CompleteError, Completer, Uncompleted, even_order};
+use crate::{
+    CompleteError, Completer, Uncompleted, completer::check_measured, even_order, within_tolerance,
+};
 
 /// The weights that come with the crate.
 const WEIGHTS: &[u8] = include_bytes!("../../../../assets/weights/cloud.safetensors");
 
-/// Fewest measured points that a completion is made from.
-const LEAST_POINTS: usize = 50;
-
 /// Support points of a kind that are looked at; more are thinned at random.
 const MOST: usize = 1800;
 
-/// The error that the completer's score forgives, metres: the tolerance of the benchmark's truth.
-const TOLERANCE_M: f64 = 0.005;
-
 /// Completes segmented partial clouds.
+///
+/// The score of a completion is the share of its points that it expects within 5 mm of the true
+/// surface.
 #[derive(Debug)]
 pub struct CloudCompleter {
     network: SurfaceNetwork,
@@ -126,11 +125,8 @@ impl CloudCompleter {
         instance: &Instance,
         seen: &Observation,
     ) -> Result<Result<Completion, Uncompleted>, CompleteError> {
-        if seen.object.len() < LEAST_POINTS {
-            return Ok(Err(Uncompleted::TooFewPoints {
-                found: seen.object.len(),
-                least: LEAST_POINTS,
-            }));
+        if let Err(few) = check_measured(seen.object.len()) {
+            return Ok(Err(few));
         }
         if seen.free.is_empty() {
             let why = "the camera saw no free space around it".to_owned();
@@ -148,8 +144,7 @@ impl CloudCompleter {
         let points_camera = points_world
             .iter()
             .map(|point| camera_from_world.transform_point(point));
-        // The mean share of points within the tolerance, of errors of Laplace's distribution.
-        let within = spread_m.iter().map(|s| 1.0 - (-TOLERANCE_M / s).exp());
+        let within = spread_m.iter().map(|spread_m| within_tolerance(*spread_m));
         Ok(Ok(Completion {
             category: instance.category(),
             score: within.sum::<f64>() / spread_m.len() as f64,

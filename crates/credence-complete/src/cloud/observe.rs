@@ -1,10 +1,9 @@
-use credence_nn::NnError;
 use credence_types::{Frame, Instance, Observation, Point, Pose, stream};
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use nalgebra::Vector3;
 use rand::RngExt as _;
+use rayon::prelude::*;
 
-use crate::{CompleteError, observed_points};
+use crate::{CompleteError, observed_points, search::Nearest};
 
 /// Free points of an observation, and draws among which they are looked for.
 const FREE: usize = 1800;
@@ -31,27 +30,33 @@ pub(super) fn observe(
     });
     let clouds: Vec<Vec<Point>> = clouds.collect::<Result<_, CompleteError>>()?;
     let camera_from_world = pose.inverse();
-    let observation = |object: &Vec<Point>| {
-        Ok(Observation {
-            free: free_points(frame, &camera_from_world, object, &clouds, table_height_m)?,
-            object: object.clone(),
-            viewpoint: pose.origin(),
+    let measured = Nearest::new(&clouds.concat())?;
+    let observation = |object: Vec<Point>| Observation {
+        free: free_points(
+            frame,
+            &camera_from_world,
+            &object,
+            &measured,
             table_height_m,
-        })
+        ),
+        object,
+        viewpoint: pose.origin(),
+        table_height_m,
     };
-    clouds.iter().map(observation).collect()
+    Ok(clouds.into_par_iter().map(observation).collect())
 }
 
-/// Points around an object that the camera looked through, away from all instances' points.
+/// Points around an object that the camera looked through, away from the points that were
+/// measured on any.
 fn free_points(
     frame: &Frame,
     camera_from_world: &Pose,
     object: &[Point],
-    clouds: &[Vec<Point>],
+    measured: &Nearest,
     table_height_m: f64,
-) -> Result<Vec<Point>, CompleteError> {
+) -> Vec<Point> {
     let Some(first) = object.first() else {
-        return Ok(Vec::new());
+        return Vec::new();
     };
     let (low, high) = object.iter().fold((*first, *first), |(low, high), point| {
         (low.inf(point), high.sup(point))
@@ -60,17 +65,6 @@ fn free_points(
     let (mut low, high) = (low - padding, high + padding);
     low.z = low.z.max(table_height_m + RAY_MARGIN_M);
     let size = high - low;
-    let measured: Vec<[f64; 3]> = clouds.iter().flatten().map(|p| (*p).into()).collect();
-    let measured =
-        ImmutableKdTree::new_from_slice(&measured).map_err(|_overflow| NnError::TooManyPoints {
-            points: measured.len(),
-        })?;
-    let apart = |point: &Point| {
-        let query: [f64; 3] = (*point).into();
-        let nearest = measured.query(&query);
-        let nearest = nearest.nearest_one::<SquaredEuclidean<f64>>().execute();
-        nearest.distance >= FREE_MARGIN_M * FREE_MARGIN_M
-    };
     let mut rng = stream(0, "complete/cloud/free");
     let points = (0..FREE_DRAWS)
         .map(|_| {
@@ -78,9 +72,9 @@ fn free_points(
             low + size.component_mul(&share)
         })
         .filter(|point| sees_through(frame, &camera_from_world.transform_point(point)))
-        .filter(apart)
+        .filter(|point| !measured.reaches(point, FREE_MARGIN_M))
         .take(FREE);
-    Ok(points.collect())
+    points.collect()
 }
 
 /// Whether the sensor looked through a point of the camera frame.

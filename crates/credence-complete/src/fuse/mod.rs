@@ -1,16 +1,22 @@
 #[cfg(test)]
 mod tests;
 
-use std::{collections::HashMap, num::NonZeroUsize};
+use std::collections::HashMap;
 
 use credence_types::Point;
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
-use crate::{CompleteError, even_order, refine::misfit_m};
+use crate::{
+    CompleteError, even_order,
+    refine::misfit_m,
+    search::{Nearest, distinct, median},
+};
 
 /// A view is clearly wrong whose completion lies this many times as far from what all views
 /// measured as the best one's.
 const MISFIT: f64 = 1.4;
+
+/// Misfits below this are all as good, metres: the sensor's noise decides between them.
+const LEAST_MISFIT_M: f64 = 0.001;
 
 /// A guess may lie on a surer surface if it is within this many of its own spreads: of errors of
 /// Laplace's distribution, 2 % are larger.
@@ -67,7 +73,7 @@ pub struct SeenSpace<'a> {
 ///    left out: a wrong pose, or a wrong shape.
 /// 2. Points in space that a view looked through are dropped, unless measured points are near.
 /// 3. A guess that is clearly less sure than most and that no other view shares is dropped, unless
-///    measured points are near.
+///    measured points are near, or no other view is left.
 /// 4. A guess that may lie on the surface of which another view is clearly surer (within
 ///    four of its own spreads, at most 1 cm) is dropped: it says nothing that the other does not.
 /// 5. What is left is thinned, the surest first, to points that keep a distance.
@@ -79,10 +85,10 @@ pub fn fuse(
     seen: &SeenSpace<'_>,
     count: usize,
 ) -> Result<SpreadCloud, CompleteError> {
-    let views = fitting(views, seen.observed_world)?;
-    if let [view] = views[..] {
+    if let [view] = views {
         return Ok(view.clone());
     }
+    let views = fitting(views, seen.observed_world)?;
     let mut guesses: Vec<Guess> = Vec::new();
     for (view, cloud) in views.iter().enumerate() {
         for index in 0..cloud.points_world.len() {
@@ -125,10 +131,11 @@ fn fitting<'a>(
         .iter()
         .map(|view| misfit_m(&view.points_world, observed_world))
         .collect::<Result<Vec<f64>, _>>()?;
-    let least = misfits.iter().copied().fold(f64::INFINITY, f64::min);
+    let least_m = misfits.iter().copied().fold(f64::INFINITY, f64::min);
+    let least_m = least_m.max(LEAST_MISFIT_M);
     let pairs = views.iter().zip(&misfits);
     Ok(pairs
-        .filter(|(_, misfit)| **misfit <= MISFIT * least)
+        .filter(|(_, misfit)| **misfit <= MISFIT * least_m)
         .map(|(view, _)| view)
         .collect())
 }
@@ -142,55 +149,6 @@ struct Guess {
     index: usize,
 }
 
-/// Points that answer how far the nearest of them is.
-struct Nearest(Option<ImmutableKdTree<f64, 3>>);
-
-impl Nearest {
-    fn new(points: &[Point]) -> Result<Self, CompleteError> {
-        if points.is_empty() {
-            return Ok(Self(None));
-        }
-        let rows: Vec<[f64; 3]> = points.iter().map(|p| (*p).into()).collect();
-        let tree = ImmutableKdTree::new_from_slice(&rows);
-        let count = points.len();
-        tree.map(|tree| Self(Some(tree)))
-            .map_err(|_overflow| CompleteError::TooManyPoints { count })
-    }
-
-    /// Whether a point is at most so far away.
-    fn reaches(&self, point: &Point, distance_m: f64) -> bool {
-        self.0.as_ref().is_some_and(|tree| {
-            let at: [f64; 3] = (*point).into();
-            let nearest = tree.query(&at).nearest_one::<SquaredEuclidean<f64>>();
-            nearest.execute().distance <= distance_m.powi(2)
-        })
-    }
-
-    /// Median distance of its points to the nearest other one, metres.
-    fn spacing_m(&self, points: &[Point]) -> f64 {
-        let Some(tree) = &self.0 else {
-            return 0.0;
-        };
-        let gap = |point: &Point| {
-            let at: [f64; 3] = (*point).into();
-            let search = tree.query(&at);
-            let pair = search.nearest_n::<SquaredEuclidean<f64>>(ITSELF_AND_ANOTHER);
-            let pair = pair.execute();
-            pair.get(1).map_or(0.0, |other| other.distance.sqrt())
-        };
-        median(points.iter().map(gap).collect())
-    }
-}
-
-/// How many points the nearest other one is found among.
-const ITSELF_AND_ANOTHER: NonZeroUsize = NonZeroUsize::MIN.saturating_add(1);
-
-/// The middle value, the upper of two; 0 of none.
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_unstable_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
-}
-
 /// Drops what the measurements or the other views speak against.
 fn drop_refuted(
     guesses: &mut Vec<Guess>,
@@ -201,17 +159,20 @@ fn drop_refuted(
     let shares = views
         .iter()
         .map(|view| {
-            let nearest = Nearest::new(&view.points_world)?;
-            let reach_m = SPACINGS * nearest.spacing_m(&view.points_world);
+            let places = distinct(&view.points_world).into_iter();
+            let places: Vec<Point> = places.map(|index| view.points_world[index]).collect();
+            let nearest = Nearest::new(&places)?;
+            let reach_m = SPACINGS * nearest.spacing_m(&places);
             Ok((nearest, reach_m))
         })
         .collect::<Result<Vec<_>, CompleteError>>()?;
     let unsure_m = UNSURE * median(guesses.iter().map(|guess| guess.spread_m).collect());
     let is_alone = |guess: &Guess| {
         let mut others = shares.iter().enumerate();
-        !others.any(|(view, (nearest, reach_m))| {
-            view != guess.view && nearest.reaches(&guess.point, *reach_m)
-        })
+        shares.len() > 1
+            && !others.any(|(view, (nearest, reach_m))| {
+                view != guess.view && nearest.reaches(&guess.point, *reach_m)
+            })
     };
     guesses.retain(|guess| {
         let is_refuted =

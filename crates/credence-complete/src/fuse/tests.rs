@@ -80,6 +80,10 @@ fn an_unsure_guess_that_no_other_view_shares_goes_unless_it_was_measured() {
     // A view whose points are 12 apart shares what is 12 away from one of them.
     let wide = [row(&first), row(&[(26.0, 1.0), (38.0, 1.0)])];
     assert!(fused_mm(&wide, &UNSEEN, 99).contains(&50.0));
+    // That some of them are there twice brings them no nearer.
+    let twice = row(&[(26.0, 1.0), (26.0, 1.0), (38.0, 1.0), (38.0, 1.0)]);
+    let wide = [row(&first), twice];
+    assert!(fused_mm(&wide, &UNSEEN, 99).contains(&50.0));
 }
 
 #[test]
@@ -115,10 +119,51 @@ fn a_view_that_misses_what_was_measured_is_left_out() {
     let both = fuse(&[near.clone(), off.clone(), far.clone()], &seen, 999).unwrap();
     assert_eq!(both.points_world.len(), 200);
     assert!(both.points_world.iter().all(|p| p.z < 0.0014));
-    assert_eq!(fuse(&[near.clone(), far], &seen, 999).unwrap(), near);
+    let alone = fuse(&[near.clone(), far], &seen, 999).unwrap();
+    assert_eq!(alone.points_world.len(), 100);
+    assert!(alone.points_world.iter().all(|p| p.z == 0.001));
     // Without measurements all are equal.
     let all = fuse(&[near, off, sheet(9.0)], &UNSEEN, 999).unwrap();
     assert_eq!(all.points_world.len(), 300);
+}
+
+#[test]
+fn views_that_differ_by_less_than_the_noise_all_stay() {
+    let measured = sheet(0.0).points_world;
+    let seen = SeenSpace {
+        observed_world: &measured,
+        ..UNSEEN
+    };
+    // The second's misfit is thirteen times the first's.
+    let fused = fuse(&[0.1, 1.3, 1.5].map(sheet), &seen, 999).unwrap();
+    assert_eq!(fused.points_world.len(), 200);
+}
+
+#[test]
+fn the_view_that_is_left_of_several_is_carved() {
+    // What was measured lies below the first three columns of a sheet, whose spread is 1 mm but
+    // for a point of the fourth; what lies beyond 2 cm was looked through.
+    let mut near = sheet(1.0);
+    near.spread_m[3] = 0.005;
+    let measured: Vec<Point> = sheet(0.0).points_world;
+    let measured: Vec<Point> = measured.into_iter().filter(|p| p.x < 0.011).collect();
+    let seen = SeenSpace {
+        is_free: &|p| p.x > 0.02,
+        observed_world: &measured,
+        near_m: 0.003,
+    };
+    let views = [near, sheet(30.0)];
+    let fused = fuse(&views, &seen, 999).unwrap();
+    assert!(
+        fused
+            .points_world
+            .iter()
+            .all(|p| p.z == 0.001 && p.x <= 0.02)
+    );
+    // Columns at 0, 5, 10, 15 and 20 mm, and the unsure point among them: no view is left to
+    // share it.
+    assert_eq!(fused.points_world.len(), 50);
+    assert!(fused.spread_m.contains(&0.005));
 }
 
 #[test]

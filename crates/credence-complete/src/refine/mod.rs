@@ -6,14 +6,12 @@ mod tests;
 mod visible;
 mod warp;
 
-use std::cmp::Ordering;
-
 use credence_types::{Completion, InvalidInput, Point};
 use nalgebra::{Matrix3, Vector3};
 use surface::Surface;
 use warp::{Information, Parameters, Warp};
 
-use crate::CompleteError;
+use crate::{CompleteError, search::distinct};
 
 /// Most observed points that are looked at.
 const MOST_OBSERVED: usize = 1500;
@@ -68,9 +66,11 @@ const STILL_M: f64 = 5e-5;
 /// after.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refined {
-    /// The completion moved, or as it was if that did not bring it nearer.
+    /// The completion moved, or as it was if that did not bring it nearer. Its score stays what the
+    /// completer said: the spreads tell what the registration has mended.
     pub completion: Completion,
-    /// Mean distance of the observed points from the completed surface before, each at most 2 cm, metres; NaN without observed points.
+    /// Mean distance of the observed points from the completed surface before, each at most 2 cm,
+    /// metres; NaN without observed points.
     pub residual_before_m: f64,
     /// The same after: never more than before.
     pub residual_after_m: f64,
@@ -82,9 +82,9 @@ pub struct Refined {
 /// Robust iterated closest points (Besl and `McKay` 1992; point to plane: Chen and Medioni 1992):
 /// every observed point pulls its nearest place of the completed surface, on which each completed
 /// point stands for a flat disc, with the weight of Geman and `McClure` (1985) and less where the
-/// completer is in doubt. A prior holds what one side of an object does not show, the
-/// more the better the completion fits at the outset; scales stay between 1 / 1.4 and 1.4. The completion is
-/// moved only if the residual falls, and its spreads shrink by as much: what observation has
+/// completer is in doubt. A prior holds what one side of an object does not show, the more the
+/// better the completion fits at the outset; scales stay between 1 / 1.4 and 1.4. The completion
+/// is moved only if the residual falls, and its spreads shrink by as much: what observation has
 /// mended is no longer in doubt.
 ///
 /// # Arguments
@@ -144,19 +144,6 @@ pub fn refine(
         residual_before_m: before,
         residual_after_m: after,
     })
-}
-
-/// Indices of the points, of equal ones the first: a search tree of equal ones would be deep.
-fn distinct(points: &[Point]) -> Vec<usize> {
-    let by_place = |a: &usize, b: &usize| {
-        let axes = points[*a].iter().zip(points[*b].iter());
-        axes.fold(Ordering::Equal, |order, (a, b)| order.then(a.total_cmp(b)))
-    };
-    let mut indices: Vec<usize> = (0..points.len()).collect();
-    indices.sort_by(by_place);
-    indices.dedup_by(|a, b| by_place(a, b).is_eq());
-    indices.sort_unstable();
-    indices
 }
 
 /// Mean distance of observed points from a completed cloud in the same frame, each at most 2 cm,

@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 use super::{visible::visible, warp::Warp};
-use crate::CompleteError;
+use crate::{CompleteError, search::tree};
 
 /// Neighbours that a point's normal is fitted to, itself included.
 const NEIGHBOURS: NonZeroUsize = NonZeroUsize::MIN.saturating_add(9);
@@ -125,13 +125,6 @@ impl Disc {
             offset_m,
         }
     }
-}
-
-fn tree(points: &[Point]) -> Result<ImmutableKdTree<f64, 3>, CompleteError> {
-    let rows: Vec<[f64; 3]> = points.iter().map(|p| (*p).into()).collect();
-    ImmutableKdTree::new_from_slice(&rows).map_err(|_overflow| CompleteError::TooManyPoints {
-        count: points.len(),
-    })
 }
 
 /// The disc of a point, from its nearest neighbours.

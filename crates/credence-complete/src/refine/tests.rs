@@ -128,6 +128,7 @@ fn recovers_a_known_motion_from_one_side() {
         let mended = refined.residual_after_m / refined.residual_before_m;
         let spread_m = &refined.completion.spread_m;
         assert!(spread_m.iter().all(|s| (s - 0.001 * mended).abs() < 1e-12));
+        assert_eq!(refined.completion.score, displaced.score);
     }
 }
 

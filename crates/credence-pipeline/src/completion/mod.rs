@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 
 use credence_complete::{
     CompleteError, SeenSpace, SpreadCloud, Uncompleted, fuse, observed_points, refine,
+    within_tolerance,
 };
 use credence_map::{ObjectId, Occupancy, SemanticMap};
 use credence_types::{Category, Completion, Frame, Instance, Point};
@@ -14,16 +15,14 @@ use nalgebra::Vector3;
 
 use crate::{CompletionConfig, PipelineError};
 
-/// A completed point counts as right this near to the true surface, metres: the tolerance of the
-/// benchmark's truth.
-const TOLERANCE_M: f64 = 0.005;
-
 /// An object's completed shape in the world.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ObjectCompletion {
     /// What the completer takes the object for.
     pub category: Category,
-    /// How sure it is of the object, in \[0, 1\].
+    /// How sure it is of the object, in \[0, 1\]: what it said at first, of several views the mean.
+    /// Neither registration nor fusion changes it; how sure each point is then,
+    /// [`confidence`](Self::confidence) tells.
     pub score: f64,
     /// Points on the surface, world coordinates, metres; every prefix is spread evenly.
     pub points_world: Vec<Point>,
@@ -38,7 +37,7 @@ impl ObjectCompletion {
     /// Probability that each point lies within 5 mm of the true surface, for errors of Laplace's
     /// distribution: 1 - exp(-0.005 / spread).
     pub fn confidence(&self) -> Vec<f64> {
-        let within = |spread_m: &f64| 1.0 - (-TOLERANCE_M / spread_m).exp();
+        let within = |spread_m: &f64| within_tolerance(*spread_m);
         self.spread_m.iter().map(within).collect()
     }
 }
