@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 MANIFEST = "manifest.json"
 # PyBullet keeps a little of every mesh; a fresh process now and then gives it back.
-SHARDS_PER_PROCESS = 20
+SHARDS_PER_PROCESS = 40
 MOST_WORKERS = 256
 
 
@@ -248,6 +248,13 @@ def _run(jobs: list[_Job], *, workers: int, done: Callable[[_Job], None]) -> Non
             _make(job)
             done(job)
         return
+    wave = workers * SHARDS_PER_PROCESS
+    for first in range(0, len(jobs), wave):
+        _run_wave(jobs[first : first + wave], workers=workers, done=done)
+
+
+def _run_wave(jobs: list[_Job], *, workers: int, done: Callable[[_Job], None]) -> None:
+    """Run jobs in fresh processes (the pool's own way to renew them may hang in Python 3.11)."""
     with _pool(min(workers, len(jobs))) as pool:
         running = {pool.submit(_make, job): job for job in jobs}
         try:
@@ -271,7 +278,6 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
         workers,
         mp_context=multiprocessing.get_context("spawn"),
         initializer=_start_worker,
-        max_tasks_per_child=SHARDS_PER_PROCESS,
     )
     try:
         yield pool

@@ -39,6 +39,8 @@ class Stage:
 
     def load(self, shape: Shape) -> Thing:
         """Load a shape, hidden."""
+        if not shape.closed:
+            shape = two_sided(shape)
         drawn = mesh_file(shape.vertices, shape.faces, normals=shape.normals, uv=shape.uv)
         bullet = self.world.bullet
         # A file that is loaded once is not worth keeping, neither by PyBullet nor on the disk.
@@ -46,8 +48,6 @@ class Stage:
             visual = self.world.call("createVisualShape", bullet.GEOM_MESH, fileName=str(drawn))
             number: int = self.world.call("createMultiBody", 0, -1, visual)
         drawn.unlink()
-        if not shape.closed:
-            self.world.call("changeVisualShape", number, -1, flags=bullet.VISUAL_SHAPE_DOUBLE_SIDED)
         self.hide(number)
         return Thing(number, Footprint(shape.radius_m, shape.height_m))
 
@@ -63,6 +63,17 @@ class Stage:
     def load_texture(self, picture: Picture) -> int:
         """Load a surface (h, w, 3)."""
         return self.world.load_texture(picture)
+
+
+def two_sided(shape: Shape) -> Shape:
+    """Add the faces' other sides: TinyRenderer ignores PyBullet's flag for that."""
+    return Shape(
+        vertices=np.vstack([shape.vertices, shape.vertices]),
+        faces=np.vstack([shape.faces, shape.faces[:, ::-1] + len(shape.vertices)]),
+        normals=np.vstack([shape.normals, -shape.normals]),
+        uv=np.vstack([shape.uv, shape.uv]),
+        closed=True,
+    )
 
 
 def shape_of(model: ObjectModel, *, scale: float) -> Shape:
