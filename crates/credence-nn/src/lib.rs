@@ -15,6 +15,7 @@ pub mod nms;
 mod parameters;
 mod provenance;
 pub mod query;
+pub mod rgbd;
 mod roi_align;
 mod row_norm;
 mod strongest;

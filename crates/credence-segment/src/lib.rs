@@ -4,6 +4,7 @@
 //! score.
 
 mod error;
+pub mod maskrcnn;
 mod segmenter;
 
 pub use error::SegmentError;

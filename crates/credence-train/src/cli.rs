@@ -12,6 +12,7 @@ use crate::{
     metric::{EmbedArgs, SphereArgs},
     query::QueryArgs,
     run::note,
+    segment::SegmentArgs,
 };
 
 /// Trains Credence's networks; every run is repeatable, resumable, and says where its weights came
@@ -53,6 +54,14 @@ pub enum Network {
     /// its newest checkpoint and ends with the same weights. Beside each file of weights it writes
     /// their provenance (.json) and the curve of the loss (.loss.csv).
     Complete(CompleteArgs),
+    /// Train instance segmentation: a picture in, the masks and classes of its objects out
+    ///
+    /// Render the pictures with `harness training-pictures --objects data/meshes/train --out
+    /// data/pictures/train`, and those of data/meshes/validation likewise. The run may be stopped at
+    /// any time (Ctrl-C): the same command resumes it from its newest checkpoint and ends with the
+    /// same weights. Beside the weights it writes their provenance (.json) and the curve of the
+    /// loss (.loss.csv).
+    Segment(SegmentArgs),
     /// Embed the points of unseen objects and write the unit vectors, for the picture of the sphere
     ///
     /// The table's rows are the learned directions of the categories and a sample of every
@@ -71,6 +80,7 @@ impl Cli {
             Network::Query(args) => args.run(),
             Network::Embed(args) => args.run(),
             Network::Complete(args) => args.run(),
+            Network::Segment(args) => args.run(),
             Network::Sphere(args) => args.run(),
         }
     }

@@ -58,6 +58,8 @@ pub(crate) struct Run<'a> {
     steps: u64,
     /// Of the source that trains: hours later the checkout may have moved on.
     git_revision: Option<String>,
+    /// What the folders are of, as the provenance names them.
+    folders: [&'static str; 2],
 }
 
 impl RunArgs {
@@ -84,11 +86,18 @@ impl RunArgs {
             name,
             steps,
             git_revision: git_revision(),
+            folders: ["meshes", "validation_meshes"],
         })
     }
 }
 
 impl Run<'_> {
+    /// The same where the folders hold something else than meshes.
+    pub(crate) const fn on_folders_of(mut self, names: [&'static str; 2]) -> Self {
+        self.folders = names;
+        self
+    }
+
     /// The scenes to train on.
     pub(crate) fn training(&self) -> Result<SceneCache, TrainError> {
         let args = self.args;
@@ -168,11 +177,8 @@ impl Run<'_> {
         weights::write_file(&args.out, bytes)?;
         let text = |(key, number): &(&str, usize)| ((*key).to_owned(), number.to_string());
         let mut data: BTreeMap<String, String> = numbers.iter().map(text).collect();
-        for (key, folder) in [
-            ("meshes", &args.meshes),
-            ("validation_meshes", &args.validation),
-        ] {
-            data.insert(key.to_owned(), folder.display().to_string());
+        for (key, folder) in self.folders.iter().zip([&args.meshes, &args.validation]) {
+            data.insert((*key).to_owned(), folder.display().to_string());
         }
         let provenance = Provenance {
             command: command_line(),

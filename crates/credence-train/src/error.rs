@@ -51,6 +51,17 @@ pub enum TrainError {
         /// Draws that were tried.
         draws: u32,
     },
+    /// A file of pictures that is not what the renderer writes.
+    #[error(
+        "{} cannot be used: {why}; render the pictures again with `harness training-pictures`",
+        path.display()
+    )]
+    Pictures {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        why: String,
+    },
     /// A scene that a cache does not hold.
     #[error("there is no scene {index}; the cache holds scenes 0 to {count}, the end excluded")]
     SceneIndex {
@@ -78,6 +89,9 @@ pub enum TrainError {
     /// What shape completion refuses.
     #[error(transparent)]
     Complete(#[from] credence_complete::CompleteError),
+    /// What segmentation refuses.
+    #[error(transparent)]
+    Segment(#[from] credence_segment::SegmentError),
     /// What the embedding refuses.
     #[error(transparent)]
     Embed(#[from] credence_embed::EmbedError),

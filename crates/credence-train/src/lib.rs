@@ -9,6 +9,7 @@ mod error;
 pub mod metric;
 pub mod query;
 pub mod run;
+pub mod segment;
 
 pub use command::RunArgs;
 pub use error::TrainError;

@@ -1,0 +1,13 @@
+//! Training of Mask R-CNN on pictures that `harness training-pictures` renders.
+
+mod augment;
+mod calibrate;
+mod command;
+mod evaluate;
+mod losses;
+mod pictures;
+mod targets;
+mod task;
+mod truth;
+
+pub use command::SegmentArgs;
