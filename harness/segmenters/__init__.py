@@ -1,0 +1,1 @@
+"""Segmenters from outside: adapters that satisfy `harness.native.SegmenterFunction`."""
