@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path  # noqa: TC003 - typer reads annotations at run time
 from typing import Annotated
 
@@ -16,7 +17,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from harness.cli_parts import EXIT_OK, number_option, print_line
+from harness.cli_parts import EXIT_INTERRUPTED, EXIT_OK, number_option, print_line
 from harness.errors import InputError
 
 commands = typer.Typer()
@@ -84,11 +85,19 @@ def training_pictures(
             said = percent
             console.print(f"{step.done}/{step.total} pictures", highlight=False)
 
-    with bar:
-        result = make_pictures(
-            PictureOptions(objects=objects, out=out, count=count, seed=seed, workers=workers),
-            progress=hear,
+    options = PictureOptions(objects=objects, out=out, count=count, seed=seed, workers=workers)
+    try:
+        with bar:
+            result = make_pictures(options, progress=hear)
+    except KeyboardInterrupt:
+        resume = shlex.join(options.command())
+        console.print(
+            f"harness: interrupted: whole shards are kept; continue with `{resume}`",
+            highlight=False,
+            markup=False,
+            soft_wrap=True,
         )
+        return EXIT_INTERRUPTED
     for name, why in result.repaired.items():
         print_line(f"{name} was made again: {why}")
     print_line(
