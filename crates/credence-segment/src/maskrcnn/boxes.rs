@@ -15,7 +15,7 @@ pub const fn sides([left, top, right, bottom]: Edges) -> [f32; 2] {
 }
 
 const fn centre([left, top, right, bottom]: Edges) -> [f32; 2] {
-    [(left + right) / 2.0, (top + bottom) / 2.0]
+    [f32::midpoint(left, right), f32::midpoint(top, bottom)]
 }
 
 /// A box as told from another (Girshick et al. 2014): the shift of its centre in sides of the

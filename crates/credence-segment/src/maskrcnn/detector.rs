@@ -18,6 +18,9 @@ use super::{
 };
 use crate::{SegmentError, Segmenter};
 
+/// The weights that come with the crate.
+const WEIGHTS: &[u8] = include_bytes!("../../../../assets/weights/maskrcnn.safetensors");
+
 /// Units of what the head of boxes tells of regions (as in torchvision: weights 10 and 5).
 pub const REGION_UNIT: [f32; 2] = [0.1, 0.2];
 /// Score below which nothing is ever told.
@@ -64,6 +67,17 @@ impl MaskRcnn {
             }),
             device: Device::flex(),
         }
+    }
+
+    /// The network that comes with the crate.
+    ///
+    /// # Errors
+    /// None, unless the crate was built with weights of another network.
+    pub fn embedded(input: Input) -> Result<Self, SegmentError> {
+        let network = MaskRcnnNetwork::new(&Device::flex());
+        let name = "the built-in maskrcnn.safetensors";
+        let network = weights::from_bytes(network, WEIGHTS.to_vec(), name)?;
+        Ok(Self::new(network, input))
     }
 
     /// The network whose weights are in a file.

@@ -146,7 +146,10 @@ pub(super) fn evaluate(
             ("ap50", mean_precision(&outcome)),
             ("recall", share(right.len() as f64, objects)),
             ("strays", share(wrong.len() as f64, outcome.pictures)),
-            ("iou", share(overlaps.sum(), right.len())),
+            (
+                "iou",
+                share(overlaps.fold(0.0, |sum, o| sum + o), right.len()),
+            ),
         ] {
             figures.insert(format!("{figure}_{name}"), value);
         }

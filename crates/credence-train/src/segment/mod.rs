@@ -8,6 +8,8 @@ mod losses;
 mod pictures;
 mod targets;
 mod task;
+#[cfg(test)]
+mod tests;
 mod truth;
 
 pub use command::SegmentArgs;

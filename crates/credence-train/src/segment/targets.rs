@@ -74,9 +74,8 @@ pub(super) fn anchor_targets(
         let learned = |number: usize| truths[number].pixels >= LEAST_PIXELS;
         match chosen {
             Some(number) if most >= ANCHOR_OVERLAP[0] || is_best(&number) => {
-                if learned(number) {
-                    objects.push((anchor, number));
-                }
+                // What hardly shows is neither an object nor nothing.
+                objects.extend(learned(number).then_some((anchor, number)));
             }
             _ if most < ANCHOR_OVERLAP[1] => nothing.push(anchor),
             _ => {}
@@ -121,9 +120,7 @@ pub(super) fn region_targets(
             .max_by(|a, b| overlap(a).total_cmp(&overlap(b)));
         match best {
             Some(truth) if overlap(truth) >= REGION_OVERLAP => {
-                if truth.pixels >= LEAST_PIXELS {
-                    objects.push((edges, *truth));
-                }
+                objects.extend((truth.pixels >= LEAST_PIXELS).then_some((edges, *truth)));
             }
             _ => nothing.push(edges),
         }
