@@ -1,4 +1,4 @@
-"""What pictures are made with: captions, a common width, files that are whole or absent."""
+"""What pictures are made with: colours, captions, a common width, whole files."""
 
 from __future__ import annotations
 
@@ -14,6 +14,17 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from harness.cubes import Picture
+
+# Okabe and Ito's palette, which colour-blind readers can tell apart; free space is not drawn.
+CLASS_COLOURS = {
+    "free": (153, 153, 153),
+    "bottle": (230, 159, 0),
+    "bowl": (86, 180, 233),
+    "camera": (0, 158, 115),
+    "can": (240, 228, 66),
+    "laptop": (204, 121, 167),
+    "mug": (213, 94, 0),
+}
 
 
 def label(image: Picture, text: str) -> Picture:

@@ -20,7 +20,7 @@ from harness.config import Override, load_config
 from harness.cubes import Picture, View, draw_cubes
 from harness.errors import InputError
 from harness.native import CLASS_NAMES, MeshTruth
-from harness.pictures import fit_width, label, write_picture
+from harness.pictures import CLASS_COLOURS, fit_width, label, write_picture
 from harness.runs.job import plan_jobs
 from harness.scene_run import map_scene, simulate_job
 from sim_scenes import SceneError
@@ -32,16 +32,6 @@ if TYPE_CHECKING:
     from harness.native import MappedObject, Pipeline, Voxels
     from sim_scenes import Frame, Scene
 
-# Okabe and Ito's palette, which colour-blind readers can tell apart; free space is not drawn.
-CLASS_COLOURS = {
-    "free": (153, 153, 153),
-    "bottle": (230, 159, 0),
-    "bowl": (86, 180, 233),
-    "camera": (0, 158, 115),
-    "can": (240, 228, 66),
-    "laptop": (204, 121, 167),
-    "mug": (213, 94, 0),
-}
 # Of a category's colour, what its instances' outlines keep: neighbours of one category stay apart.
 OUTLINE_BRIGHTNESS = 0.3
 MARKER_PX = 12

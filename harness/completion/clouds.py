@@ -47,7 +47,8 @@ def nearest_m(points: Floats, others: Floats) -> Floats:
 def spread_evenly(points: Floats, *, count: int) -> Floats:
     """Choose at most `count` of points (n, 3), each the farthest from those before it.
 
-    The first is the farthest from the mean, so that the choice does not depend on the order.
+    The first is the farthest from the mean, so that the choice does not depend on the order of up
+    to `THINNED_FROM` points. Of more only every k-th is looked at, in the order given.
     """
     if len(points) > THINNED_FROM:
         points = points[:: -(-len(points) // THINNED_FROM)]

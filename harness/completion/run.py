@@ -12,11 +12,11 @@
 from __future__ import annotations
 
 import time
-from contextlib import closing
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 from harness.bench import load_objects
+from harness.completion.baselines import BASELINES
 from harness.completion.mean_shape import mean_shape
 from harness.completion.pictures import write_sheet
 from harness.completion.report import report_json
@@ -26,18 +26,16 @@ from harness.completion.summary import Report, summarise
 from harness.config import Config, Override, load_config
 from harness.errors import InputError
 from harness.native import CLASS_NAMES, Pipeline
-from harness.runs.atomic import DiskError, write_text
+from harness.runs.atomic import write_text
 from harness.runs.directory import default_folder
 from harness.runs.job import plan_jobs
-from harness.runs.manifest import core_count
-from harness.runs.pool import SceneDone, SceneFailed, ScenePool, WorkerDied
 from harness.runs.progress import Progress, SilentProgress
+from harness.runs.report import begin_folder, measure_scenes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from harness.runs.job import SceneJob
 
 COMPLETERS = ("cloud", "centersnap")
 SCENE_FUNCTION = "harness.completion.scene:score_scene"
@@ -128,20 +126,21 @@ def run_report(
     )
     _check_completers(completers, config=config)
     folder = options.out or _default_folder(config)
-    _begin(folder)
+    begin_folder(folder, parts=("pictures", "logs"))
     plan = Plan(
         completers=completers,
         mean_shapes={category: mean_shape(category) for category in config.run.classes},
         pictures=folder / "pictures",
     )
     with progress.watch(folder=folder, scenes=len(jobs), finished=0):
-        scenes, failures = _measure(
+        scenes, failures = measure_scenes(
             jobs,
-            config=config,
-            plan=plan,
+            target=scene_function or SCENE_FUNCTION,
+            arguments=(config, plan),
+            result_type=SceneRows,
+            workers=config.run.workers,
             logs=folder / "logs",
             progress=progress,
-            scene_function=scene_function or SCENE_FUNCTION,
         )
     if not scenes:
         scene_id, why = next(iter(failures.items()))
@@ -192,7 +191,6 @@ def _configuration(options: CompletionOptions) -> Config:
         Override("scenes.views", options.views, "--views"),
         Override("scenes.objects", objects, "--objects"),
         Override("scenes.cluttered", options.cluttered or None, "--cluttered"),
-        Override("pipeline.completer", options.completers[0], "--completer"),
         Override("pipeline.segmenter", "oracle", "--config"),
     )
     overrides = tuple(override for override in chosen if override.value is not None)
@@ -200,8 +198,18 @@ def _configuration(options: CompletionOptions) -> Config:
 
 
 def _check_completers(completers: Sequence[Completer], *, config: Config) -> None:
-    """Refuse what no scene could be completed by, such as a network without its weights."""
+    """Refuse names that rows would share, and what no scene could be completed by.
+
+    The latter is such as a network without its weights.
+    """
+    owners = {name: f"the baseline '{name}'" for name in BASELINES}
     for completer in completers:
+        if completer.name in owners:
+            raise InputError(
+                f"--completer {completer.setting}: its rows would be named '{completer.name}' as "
+                f"those of {owners[completer.name]}; give the function another name"
+            )
+        owners[completer.name] = completer.setting
         try:
             Pipeline(with_completer(config, completer).pipeline_json())
         except (ValueError, OSError) as error:
@@ -211,54 +219,3 @@ def _check_completers(completers: Sequence[Completer], *, config: Config) -> Non
 def _default_folder(config: Config) -> Path:
     folder = default_folder(config)
     return folder.with_name(f"completion-{folder.name}")
-
-
-def _begin(folder: Path) -> None:
-    """Make the folders of a report."""
-    try:
-        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise InputError(f"{folder} exists and is not an empty folder; pass another --out")
-        for name in ("pictures", "logs"):
-            (folder / name).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise DiskError(
-            f"cannot write to {folder}: {error.strerror}; pass a writable --out"
-        ) from None
-
-
-def _measure(
-    jobs: Sequence[SceneJob],
-    *,
-    config: Config,
-    plan: Plan,
-    logs: Path,
-    progress: Progress,
-    scene_function: str,
-) -> tuple[list[SceneRows], dict[str, str]]:
-    """Measure scenes on workers; returns their rows, and why others failed, by scene id."""
-    cores = core_count()
-    pool = ScenePool(
-        target=scene_function,
-        arguments=(config, plan),
-        workers=min(config.run.workers or cores, len(jobs)),
-        cores=cores,
-        log_folder=logs,
-        result_type=SceneRows,
-    )
-    scenes: list[SceneRows] = []
-    failures: dict[str, str] = {}
-    # Closing the events, as an interrupt does, kills the workers.
-    with closing(pool.run(jobs)) as events:
-        for event in events:
-            match event:
-                case SceneDone(job=job, result=result, seconds=seconds):
-                    scenes.append(result)
-                    progress.scene_done(job.scene_id, seconds)
-                case SceneFailed(job=job, failure=failure):
-                    failures[job.scene_id] = failure
-                    progress.scene_failed(job.scene_id, failure)
-                case WorkerDied(job=job, reason=reason, log=log):
-                    progress.note(
-                        f"worker {reason} at {job.scene_id}; trying it once more (log: {log})"
-                    )
-    return scenes, failures

@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from harness.errors import InputError
-from harness.render import CLASS_COLOURS
+from harness.pictures import CLASS_COLOURS
 from harness.runs.atomic import write_atomically
 
 if TYPE_CHECKING:

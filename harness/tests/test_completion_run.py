@@ -17,6 +17,7 @@ from harness.completion import run as reporting
 from harness.completion.mean_shape import MeanShape
 from harness.completion.run import CompletionOptions, CompletionResult, run_report
 from harness.errors import InputError
+from harness.runs import report as measuring
 from harness.runs.pool import SceneDone, SceneFailed
 from harness.runs.worker import load_target
 from harness.tests.fake_report import SCENE_FUNCTION
@@ -49,7 +50,7 @@ class HerePool:
 
 @pytest.fixture
 def here(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reporting, "ScenePool", HerePool)
+    monkeypatch.setattr(measuring, "ScenePool", HerePool)
 
 
 @pytest.fixture(autouse=True)
@@ -91,7 +92,7 @@ def test_a_report_is_whole(tmp_path: Path) -> None:
 
 def test_workers_change_no_byte(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     texts = [report(tmp_path / "two", workers=2).text]
-    monkeypatch.setattr(reporting, "ScenePool", HerePool)
+    monkeypatch.setattr(measuring, "ScenePool", HerePool)
     texts.append(report(tmp_path / "here").text)
     assert texts[0] == texts[1]
 
@@ -170,6 +171,15 @@ def test_the_command_prints_tables_or_json(
         ({"classes": ("mug", "mug")}, "names a class twice"),
         ({"classes": ("can",)}, "has no object of class 'can' (it holds: bowl, mug)"),
         ({"completers": ()}, "no --completer; name one, such as cloud"),
+        (
+            {"completers": ("python:my.observed",)},
+            "--completer python:my.observed: its rows would be named 'observed' as those of the "
+            "baseline 'observed'; give the function another name",
+        ),
+        (
+            {"completers": ("cloud", "python:my.cloud")},
+            "--completer python:my.cloud: its rows would be named 'cloud' as those of cloud; give",
+        ),
         ({"views": 0}, "--views 0: should be greater than or equal to 1"),
         ({"scenes": 0}, "--scenes 0: should be greater than or equal to 1"),
     ],

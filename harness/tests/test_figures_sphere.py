@@ -8,7 +8,7 @@ from PIL import Image
 
 from harness.errors import InputError
 from harness.figures.sphere import VIEW, draw_sphere, main, measure_angles, read_table
-from harness.render import CLASS_COLOURS
+from harness.pictures import CLASS_COLOURS
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -1,0 +1,98 @@
+"""What the reports on single stages share: a new folder, and scenes measured on workers."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from harness.errors import InputError
+from harness.runs.atomic import DiskError
+from harness.runs.manifest import core_count
+from harness.runs.pool import SceneDone, SceneFailed, ScenePool, WorkerDied
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from harness.runs.job import SceneJob
+    from harness.runs.progress import Progress
+
+Rows = TypeVar("Rows")
+
+
+def begin_folder(folder: Path, *, parts: Sequence[str]) -> None:
+    """Make a report's folder and the folders in it.
+
+    Raises
+    ------
+    InputError
+        It is taken, or cannot be written.
+    """
+    try:
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise InputError(f"{folder} exists and is not an empty folder; pass another --out")
+        for name in parts:
+            (folder / name).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise DiskError(
+            f"cannot write to {folder}: {error.strerror}; pass a writable --out"
+        ) from None
+
+
+def measure_scenes(
+    jobs: Sequence[SceneJob],
+    *,
+    target: str,
+    arguments: tuple[Any, ...],
+    result_type: type[Rows],
+    logs: Path,
+    progress: Progress,
+    workers: int | None = None,
+    cores: int | None = None,
+) -> tuple[list[Rows], dict[str, str]]:
+    """Measure scenes on workers; returns their rows, and why others failed, by scene id.
+
+    Parameters
+    ----------
+    jobs
+        The scenes; their rows come in no fixed order.
+    target, arguments, result_type
+        The scene function, as `ScenePool` takes it.
+    logs
+        Takes what workers print.
+    progress
+        Hears of every scene.
+    workers
+        Processes; by default one per core.
+    cores
+        To share among them; by default all.
+    """
+    if not jobs:
+        return [], {}
+    cores = cores or core_count()
+    logs.mkdir(parents=True, exist_ok=True)
+    pool = ScenePool(
+        target=target,
+        arguments=arguments,
+        workers=min(workers or cores, len(jobs)),
+        cores=cores,
+        log_folder=logs,
+        result_type=result_type,
+    )
+    rows: list[Rows] = []
+    failures: dict[str, str] = {}
+    # Closing the events, as an interrupt does, kills the workers.
+    with closing(pool.run(jobs)) as events:
+        for event in events:
+            match event:
+                case SceneDone(job=job, result=result, seconds=seconds):
+                    rows.append(result)
+                    progress.scene_done(job.scene_id, seconds)
+                case SceneFailed(job=job, failure=failure):
+                    failures[job.scene_id] = failure
+                    progress.scene_failed(job.scene_id, failure)
+                case WorkerDied(job=job, reason=reason, log=log):
+                    progress.note(
+                        f"worker {reason} at {job.scene_id}; trying it once more (log: {log})"
+                    )
+    return rows, failures
