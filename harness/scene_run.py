@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harness.asked import gather_test_sets
+from harness.missed import answer_missed
 from harness.native import MeshTruth, Pipeline, nearest_observation
 from harness.protocol import COMPLETED, completion_name, true_categories
 from harness.runs.records import Record, SceneResult, Timing, Variant
@@ -17,7 +18,7 @@ from harness.scoring import Answers, confusion, score
 from sim_scenes import DepthNoise, SceneSpec, load_object_set, simulate
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from harness.config import Config
     from harness.native import MappedObject
@@ -25,8 +26,21 @@ if TYPE_CHECKING:
     from sim_scenes import Scene, SceneObject
 
 
+ORACLE = "oracle"
+"""The segmenter that stands for the truth."""
+
+ON_TARGET_M = 0.010
+"""Points of a mapped object within this distance of the target's mesh are of the target."""
+MOST_ASKED = 1000
+"""Of a mapped object's points, about so many are asked whose they are."""
+
+
 class SceneFailure(Exception):
     """A scene that cannot be scored, with the reason."""
+
+
+class TargetMissedError(SceneFailure):
+    """No mapped object is the target."""
 
 
 @dataclass
@@ -109,6 +123,13 @@ def run_scene(job: SceneJob, config: Config) -> SceneResult:
     return evaluate_scene(scene, job=job, config=config, clock=clock)
 
 
+def without_idle_completer(config: Config) -> Config:
+    """Leave the completer out where no test set asks what it made."""
+    if COMPLETED in config.protocol.test_sets:
+        return config
+    return config.model_copy(update={"pipeline": config.pipeline | {"completer": "none"}})
+
+
 def map_scene(scene: Scene, *, config: Config) -> Pipeline:
     """Feed a scene's frames to a new pipeline, in order."""
     pipeline = Pipeline(config.pipeline_json())
@@ -131,7 +152,8 @@ def evaluate_scene(
     """Map a scene, classify the target's test points with every model, and score them.
 
     A model is asked once about the points of all test sets, so that it learns once. A test set
-    without points, for want of a completion, has failed records with the reason.
+    without points, for want of a completion, has failed records with the reason. A target that the
+    segmenter missed is no failure of the scene but an answer: see `Record.target_missed`.
 
     Parameters
     ----------
@@ -150,12 +172,29 @@ def evaluate_scene(
     Raises
     ------
     SceneFailure
-        The map holds no object where the target is, or no test set has points.
+        The map holds no object where the target is although the oracle segmented, or no test set
+        has points.
     """
     protocol = config.protocol
     target = scene.objects[0]
-    pipeline = map_scene(scene, config=config)
-    mapped = find_mapped(pipeline.objects(), target)
+    pipeline = map_scene(scene, config=without_idle_completer(config))
+    with clock.stage("truth"):
+        truths = [mesh_truth(item) for item in scene.objects]
+        try:
+            mapped = find_mapped(pipeline.objects(), truths, name=target.name)
+        except TargetMissedError as missed:
+            if pipeline.segmenter == ORACLE or set(protocol.test_sets) == {COMPLETED}:
+                raise
+            result = answer_missed(
+                scene,
+                job=job,
+                config=config,
+                pipeline=pipeline,
+                truths=truths,
+                reason=str(missed),
+            )
+            _add_timings(clock, pipeline)
+            return replace(result, timings=clock.timings)
     training = pipeline.training_set(mapped.id, seed=job.seed)
     asked, missing = gather_test_sets(
         protocol.test_sets,
@@ -172,7 +211,7 @@ def evaluate_scene(
     if protocol.use_spread and COMPLETED in protocol.test_sets:
         completer_confidence = np.concatenate([item.confidence for item in asked])
     with clock.stage("truth"):
-        distances_m = np.stack([mesh_truth(item).distances(test_points) for item in scene.objects])
+        distances_m = np.stack([truth.distances(test_points) for truth in truths])
     data_distance_m = nearest_observation(points=test_points, observed=training.points_world)
 
     result = SceneResult(records=[], timings=clock.timings)
@@ -231,9 +270,13 @@ def evaluate_scene(
         for model in pipeline.models
         for tolerance_m in protocol.tolerances_m
     )
+    _add_timings(clock, pipeline)
+    return result
+
+
+def _add_timings(clock: StageClock, pipeline: Pipeline) -> None:
     for stage, of_model, seconds in pipeline.timings():
         clock.add(stage, seconds, model=of_model)
-    return result
 
 
 def mesh_truth(item: SceneObject) -> MeshTruth:
@@ -242,17 +285,45 @@ def mesh_truth(item: SceneObject) -> MeshTruth:
     return MeshTruth(np.ascontiguousarray(vertices), faces.astype(np.uint32))
 
 
-def find_mapped(mapped: list[MappedObject], target: SceneObject) -> MappedObject:
-    """Find the mapped object that stands where the target truly is.
+def find_mapped(
+    mapped: Sequence[MappedObject], truths: Sequence[MeshTruth], *, name: str
+) -> MappedObject:
+    """Find the mapped object that is the target.
 
-    Its observed points must centre within the target's bounding sphere; of several the nearest
-    is taken. The category is not asked for: a wrong one costs the scores what it should.
+    More than half of its observed points must lie within `ON_TARGET_M` of the target's mesh, and
+    nearer to it than to any other object's: an object beside the target does not stand for one
+    that was missed, nor does a piece of the table. Of several the one with the most such points is
+    taken. The category is not asked for: a wrong one costs the scores what it should.
+
+    Parameters
+    ----------
+    mapped
+        The map's objects.
+    truths
+        The true meshes of the scene's objects; the target's is the first.
+    name
+        The target's, for the message.
+
+    Raises
+    ------
+    TargetMissedError
+        No mapped object is the target.
     """
-    low, high = target.vertices.min(axis=0), target.vertices.max(axis=0)
-    centre = target.world_from_object[:3, :3] @ ((low + high) / 2) + target.world_from_object[:3, 3]
-    offsets_m = [float(np.linalg.norm(item.centroid_world - centre)) for item in mapped]
-    radius_m = float(np.linalg.norm(high - low)) / 2
-    if not mapped or min(offsets_m) > radius_m:
-        nearest = f"the nearest is {min(offsets_m):.3f} m off" if mapped else "it is empty"
-        raise SceneFailure(f"the map holds no object where {target.name} stands: {nearest}")
-    return mapped[int(np.argmin(offsets_m))]
+    best: MappedObject | None = None
+    most, nearest_m = 0.0, np.inf
+    for item in mapped:
+        points = item.points_world
+        some = np.ascontiguousarray(points[:: -(-len(points) // MOST_ASKED) or 1])
+        distances_m = np.stack([truth.distances(some) for truth in truths])
+        if len(some) == 0:
+            continue
+        own = (distances_m.argmin(axis=0) == 0) & (distances_m[0] <= ON_TARGET_M)
+        nearest_m = min(nearest_m, float(np.median(distances_m[0])))
+        if own.mean() > 0.5 and (count := own.mean() * len(points)) > most:
+            best, most = item, count
+    if best is None:
+        where = "it is empty"
+        if np.isfinite(nearest_m):
+            where = f"the points of the nearest are {nearest_m:.3f} m off in the median"
+        raise TargetMissedError(f"the map holds no object where {name} stands: {where}")
+    return best

@@ -119,8 +119,9 @@ def score(
     """
     target_class = CLASS_NAMES.index(target.category)
     predicted = answers.classes == target_class
-    confidence = answers.confidence
     probability = answers.probability(target.category)
+    # The confidence is that of the category which the map gives the object, right or wrong.
+    confidence = answers.confidence if item.category == target.category else probability
     metrics = binary_metrics(
         predicted=predicted,
         truth=truth,
@@ -163,6 +164,36 @@ def score(
     )
 
 
+def score_missed(truth: npt.NDArray[np.bool_], *, identity: dict[str, Any]) -> Record:
+    """Score that no test point is said to lie on the target, for the map does not hold it.
+
+    Parameters
+    ----------
+    truth : (n,) bool
+        Whether each point lies on an object of the target's category.
+    identity
+        The fields of the record that say which result it is.
+    """
+    never = np.zeros(len(truth))
+    metrics = binary_metrics(
+        predicted=np.zeros(len(truth), dtype=bool),
+        truth=truth,
+        probability=never,
+        decision_confidence=1.0 - never,
+    )
+    names = {field.name for field in fields(Record)}
+    return Record(
+        **identity,
+        **cast("dict[str, Any]", {name: metrics[name] for name in metrics.keys() & names}),
+        target_missed=True,
+        base_rate=float(truth.mean()) if len(truth) else None,
+        log_loss=log_loss(never, truth),
+        test_points=len(truth),
+        object_training_points=0,
+        free_training_points=0,
+    )
+
+
 def log_loss(probability: Floats, truth: npt.NDArray[np.bool_]) -> float | None:
     """Mean negative log-likelihood of the truth, nats; None without points."""
     if len(truth) == 0:
@@ -185,7 +216,13 @@ def confusion(
     identity
         The fields of the rows that say which result they are of.
     """
-    predicted = np.array(CLASS_NAMES)[answers.classes]
+    return count_confusion(true, np.array(CLASS_NAMES)[answers.classes], identity=identity)
+
+
+def count_confusion(
+    true: npt.NDArray[np.str_], predicted: npt.NDArray[np.str_], *, identity: dict[str, Any]
+) -> list[Confusion]:
+    """Count the points of each pair of true (n,) and predicted (n,) category."""
     pairs, counts = np.unique(np.stack([true, predicted]), axis=1, return_counts=True)
     return [
         Confusion(**identity, true=str(of), predicted=str(taken_for), points=int(count))

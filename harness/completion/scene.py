@@ -16,7 +16,13 @@ from harness.completion.metrics import MM, PARTS, Measured, Surface, measure_clo
 from harness.completion.pictures import draw_scene
 from harness.completion.rows import CloudRow, HandleRow, LatencyRow, SceneRows, ViewsRow
 from harness.completion.spread import mean_mm, score_spread
-from harness.scene_run import SceneFailure, find_mapped, map_scene, simulate_job
+from harness.scene_run import (
+    SceneFailure,
+    find_mapped,
+    map_scene,
+    mesh_truth,
+    simulate_job,
+)
 from sim_scenes.geometry import apply, inverse
 
 if TYPE_CHECKING:
@@ -36,6 +42,8 @@ if TYPE_CHECKING:
     Floats = npt.NDArray[np.float64]
 
 STAGES = ("complete", "refine")
+EMBEDDED = "embedded"
+"""Weights that come with the program."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,11 +157,14 @@ def measure_scene(scene: Scene, *, job: SceneJob, config: Config, plan: Plan) ->
 
 
 def with_completer(config: Config, completer: Completer) -> Config:
-    """Let a configuration's pipeline complete as a completer says."""
-    settings = config.pipeline | {
-        "completer": completer.setting,
-        "completion": config.pipeline["completion"] | {"refine": completer.refine},
-    }
+    """Let a configuration's pipeline complete as a completer says.
+
+    Weights that the configuration names are of the completer that it names; others have their own.
+    """
+    completion = config.pipeline["completion"] | {"refine": completer.refine}
+    if completer.setting != config.pipeline["completer"]:
+        completion["weights"] = EMBEDDED
+    settings = config.pipeline | {"completer": completer.setting, "completion": completion}
     return config.model_copy(update={"pipeline": settings})
 
 
@@ -166,7 +177,8 @@ def complete_target(scene: Scene, *, completer: Completer, config: Config) -> Co
         The map does not hold the target.
     """
     pipeline = map_scene(scene, config=with_completer(config, completer))
-    mapped = find_mapped(pipeline.objects(), scene.objects[0])
+    truths = [mesh_truth(item) for item in scene.objects]
+    mapped = find_mapped(pipeline.objects(), truths, name=scene.objects[0].name)
     completion = pipeline.completion(mapped.id)
     reason = "" if completion is not None else no_completion(pipeline, mapped.id)
     views = pipeline.view_completions(mapped.id)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from harness.runs.confusion import Confusion
     from harness.runs.job import SceneJob
 
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 """Counts up with every change of a column's name, type or meaning."""
 
 METRICS = (
@@ -83,6 +83,10 @@ class Record:
         Distance within which a point lies on the mesh, metres.
     status, failure
         ``ok``, or ``failed`` with the reason.
+    target_missed
+        Whether the map holds nothing where the target is, because its segmenter did not find it.
+        Points that are drawn from the truth are then answered "not the object" everywhere, with a
+        probability of 0 to lie on it; a completed set has none, and failed.
     redraws
         Arrangements thrown away before one was reachable.
     object_training_points, free_training_points
@@ -129,6 +133,7 @@ class Record:
     tolerance_m: float
     status: str = "ok"
     failure: str | None = None
+    target_missed: bool = False
     redraws: int | None = None
     test_points: int | None = None
     object_training_points: int | None = None
@@ -188,7 +193,14 @@ class Record:
 
     @classmethod
     def failed(
-        cls, job: SceneJob, *, variant: Variant, views: int, tolerance_m: float, failure: str
+        cls,
+        job: SceneJob,
+        *,
+        variant: Variant,
+        views: int,
+        tolerance_m: float,
+        failure: str,
+        target_missed: bool = False,
     ) -> Self:
         """Make the record of a scene that was lost."""
         return cls(
@@ -203,6 +215,7 @@ class Record:
             tolerance_m=tolerance_m,
             status="failed",
             failure=failure,
+            target_missed=target_missed,
         )
 
     @property

@@ -19,7 +19,12 @@ if TYPE_CHECKING:
 Row = TypeVar("Row")
 
 _known_types: dict[type, dict[str, tuple[type, bool]]] = {}
-_PARQUET_TYPES: dict[type, pl.DataType] = {str: pl.String(), int: pl.Int64(), float: pl.Float64()}
+_PARQUET_TYPES: dict[type, pl.DataType] = {
+    bool: pl.Boolean(),
+    float: pl.Float64(),
+    int: pl.Int64(),
+    str: pl.String(),
+}
 
 
 def check_types(row: object) -> None:

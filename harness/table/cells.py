@@ -89,9 +89,12 @@ def pair_label(item: Difference) -> str:
 
 
 def scene_count(row: Row | Difference) -> str:
-    """Count scenes, and failed ones if there are any."""
+    """Count scenes, those whose target was missed, and failed ones, if there are any."""
     scenes = _count(row.scenes, "scene")
-    return f"{scenes}, {row.failed} failed" if isinstance(row, Row) and row.failed else scenes
+    if isinstance(row, Difference):
+        return scenes
+    missed = f" (target missed in {row.missed})" if row.missed else ""
+    return scenes + missed + (f", {row.failed} failed" if row.failed else "")
 
 
 def object_count(row: Row | Difference) -> str:
@@ -123,6 +126,12 @@ INTERVALS = (
 
 def explanation(table: Table) -> str:
     """Say what the numbers of the main table are."""
+    missed = (
+        "Where the segmenter missed the target, its points are answered 'not the object': no "
+        "precision, recall 0. "
+        if any(row.missed for row in table.sweep)
+        else ""
+    )
     return (
         "Mean over scenes. TP to FN are fractions of the test points. A point lies on the mesh "
         f"within {millimetres(table.reported_tolerance_m)} of it. {UNDEFINED} is undefined; n (or "
@@ -131,5 +140,5 @@ def explanation(table: Table) -> str:
         "column is precision. ECE is that of the raw probability, recal. that after recalibration. "
         "Random and nearest are the AURC of the same decisions in random order and by closeness to "
         "the training points: a confidence worth having lies below both. Differences are paired "
-        f"by scene. {INTERVALS}"
+        f"by scene. {missed}{INTERVALS}"
     )

@@ -26,6 +26,7 @@ HEADINGS = (
     "scenes",
     "objects",
     "failed",
+    "missed",
     "seed",
     "ours_less_seed",
 )
@@ -60,6 +61,7 @@ def render_csv(table: Table) -> str:
                     row.scenes,
                     row.objects,
                     row.failed,
+                    row.missed,
                     row.seed.get(column.key) if reported else None,
                     row.difference(column.key) if reported else None,
                 )
@@ -82,6 +84,7 @@ def render_csv(table: Table) -> str:
                     estimate.count,
                     item.scenes,
                     item.objects,
+                    None,
                     None,
                     None,
                     None,

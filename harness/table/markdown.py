@@ -68,7 +68,8 @@ def _main(rows: Sequence[Row], columns: Sequence[Column]) -> Iterator[str]:
     yield _line(["---", "--:", "--:", "--:", *("--:" for _ in columns)])
     for row in rows:
         cells = [_cell(row.values[column.key], scenes=row.scenes) for column in columns]
-        counts = [str(count) for count in (row.scenes, row.objects, row.failed)]
+        missed = f" ({row.missed} missed)" if row.missed else ""
+        counts = [f"{row.scenes}{missed}", str(row.objects), str(row.failed)]
         yield _line([f"**{row.label}**", *counts, *cells])
         if has_seed(row, columns):
             seed = [number(row.seed[c.key]) if c.key in row.seed else "" for c in columns]

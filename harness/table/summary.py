@@ -40,6 +40,9 @@ class Row:
     ----------
     scenes, failed
         Number of scenes that were scored, and of scenes that failed.
+    missed
+        Number of scored scenes whose target the segmenter missed, so that its points are answered
+        "not the object".
     objects
         Number of objects in the scored scenes.
     values
@@ -53,6 +56,7 @@ class Row:
     tolerance_m: float
     scenes: int
     failed: int
+    missed: int
     objects: int
     values: Mapping[str, MeanEstimate]
     seed: Mapping[str, float]
@@ -170,6 +174,7 @@ def _row(
         tolerance_m=tolerance_m,
         scenes=len(scored),
         failed=len(group) - len(scored),
+        missed=sum(record.target_missed for record in scored),
         objects=len(set(objects)),
         values=values,
         seed=seed_numbers(category=category, variant=variant),

@@ -13,7 +13,7 @@ from PIL import Image
 from harness import cli
 from harness.completion.mean_shape import MeanShape
 from harness.completion.rows import Completer, SceneRows
-from harness.completion.scene import Plan, measure_scene
+from harness.completion.scene import Plan, measure_scene, with_completer
 from harness.config import Config, load_config
 from harness.native import CLASS_NAMES
 from harness.runs.job import SceneJob
@@ -203,3 +203,31 @@ def test_tune_leaves_out_what_is_not_completed(config: Config, tmp_path: Path) -
     assert list(found) == []
     assert list(lost) == ["mug-0000"]
     assert "object 1 has no completion" in lost["mug-0000"]
+
+
+def test_named_weights_are_those_of_the_completer_that_is_named() -> None:
+    completion = {"weights": "mine.safetensors", "refine": True}
+    config = Config.model_validate({"pipeline": {"completer": "cloud", "completion": completion}})
+    tables = {
+        name: with_completer(config, Completer(name, refine=False)).pipeline
+        for name in ("cloud", "centersnap", OWN)
+    }
+    assert [tables[name]["completer"] for name in tables] == list(tables)
+    weights = [tables[name]["completion"]["weights"] for name in tables]
+    assert weights == ["mine.safetensors", "embedded", "embedded"]
+    assert not any(table["completion"]["refine"] for table in tables.values())
+    assert config.pipeline["completion"] == completion
+
+
+def test_a_completer_that_no_test_set_asks_is_not_called(scene: Scene, config: Config) -> None:
+    protocol = config.protocol.model_copy(update={"test_sets": ("box",)})
+    boxes = config.model_copy(update={"protocol": protocol})
+    with_completed, without = (
+        evaluate_scene(scene, job=JOB, config=item, clock=StageClock(JOB.scene_id))
+        for item in (config, boxes)
+    )
+    assert "complete" in {timing.stage for timing in with_completed.timings}
+    assert "complete" not in {timing.stage for timing in without.timings}
+    for mine in without.records:
+        theirs = next(row for row in with_completed.records if row.key() == mine.key())
+        assert (mine.tp, mine.tn, mine.fp, mine.fn) == (theirs.tp, theirs.tn, theirs.fp, theirs.fn)

@@ -17,6 +17,7 @@ from harness.runs.records import (
     COUNTS,
     METRICS,
     RECORD_SCHEMA,
+    SCHEMA_VERSION,
     TIMING_SCHEMA,
     Record,
     SceneResult,
@@ -157,8 +158,9 @@ def test_a_fragment_that_was_cut_or_altered_is_noticed(tmp_path: Path) -> None:
     path.write_bytes(whole.replace(b'"tp": ', b'"tp": 1'))
     with pytest.raises(DamagedFragmentError, match="checksum"):
         read_fragment(path, job=JOB)
-    path.write_bytes(whole.replace(b'"schema_version": 3', b'"schema_version": 1'))
-    with pytest.raises(DamagedFragmentError, match="schema 1, not 3"):
+    stated = b'"schema_version": %d'
+    path.write_bytes(whole.replace(stated % SCHEMA_VERSION, stated % 1))
+    with pytest.raises(DamagedFragmentError, match=f"schema 1, not {SCHEMA_VERSION}"):
         read_fragment(path, job=JOB)
     path.write_bytes(whole)
     with pytest.raises(DamagedFragmentError, match="another scene's result"):

@@ -6,7 +6,7 @@ import hashlib
 import os
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,15 +15,22 @@ from numpy.testing import assert_array_equal
 
 from harness import scene_run
 from harness.config import Config
-from harness.protocol import COMPLETIONS, box_test_points, draw_test_points
+from harness.protocol import (
+    COMPLETIONS,
+    box_test_points,
+    draw_test_points,
+    surface_points,
+)
 from harness.runs.job import SceneJob
 from harness.runs.records import METRICS, Record, SceneResult, Variant
 from harness.scene_run import (
     SceneFailure,
     StageClock,
+    TargetMissedError,
     evaluate_scene,
     find_mapped,
     map_scene,
+    mesh_truth,
     run_scene,
     simulate_job,
     variants,
@@ -32,8 +39,8 @@ from harness.scoring import Answers
 from harness.table.summary import MODEL_ORDER
 
 if TYPE_CHECKING:
-    from harness.native import MappedObject, Pipeline
-    from sim_scenes import Scene
+    from harness.native import MappedObject, MeshTruth, Pipeline
+    from sim_scenes import Scene, SceneObject
 
 MODELS = list(MODEL_ORDER)
 PROCESSES = MODELS[:4]
@@ -290,11 +297,20 @@ def mapped(scene: Scene) -> list[MappedObject]:
     return map_scene(scene, config=CONFIG).objects()
 
 
+def truths(*items: SceneObject) -> list[MeshTruth]:
+    return [mesh_truth(item) for item in items]
+
+
+def moved(item: SceneObject, *, x_m: float) -> SceneObject:
+    pose = item.world_from_object.copy()
+    pose[0, 3] += x_m
+    return replace(item, world_from_object=pose)
+
+
 def test_the_mapped_object_is_found_by_its_place_alone(scene: Scene) -> None:
     objects = mapped(scene)
     assert len(objects) == 1
-    target = replace(scene.objects[0], category="bowl")
-    assert find_mapped(objects, target).id == objects[0].id
+    assert find_mapped(objects, truths(scene.objects[0]), name="mug").id == objects[0].id
 
 
 def test_an_object_that_the_map_lacks_is_said(scene: Scene) -> None:
@@ -302,12 +318,43 @@ def test_an_object_that_the_map_lacks_is_said(scene: Scene) -> None:
     with pytest.raises(
         SceneFailure, match="the map holds no object where mug_pybullet stands: it is empty"
     ):
-        find_mapped([], target)
-    pose = target.world_from_object.copy()
-    pose[0, 3] += 0.5
-    elsewhere = replace(target, world_from_object=pose)
-    with pytest.raises(SceneFailure, match=r"stands: the nearest is 0\.(4|5)\d\d m off"):
-        find_mapped(mapped(scene), elsewhere)
+        find_mapped([], truths(target), name=target.name)
+    with pytest.raises(
+        SceneFailure, match=r"stands: the points of the nearest are 0\.4\d\d m off in the median"
+    ):
+        find_mapped(mapped(scene), truths(moved(target, x_m=0.5)), name=target.name)
+
+
+@dataclass(frozen=True)
+class FakeMapped:
+    """A mapped object of which only the points are asked."""
+
+    id: int
+    points_world: np.ndarray
+
+
+def test_what_is_beside_the_target_does_not_stand_for_it(scene: Scene) -> None:
+    target = scene.objects[0]
+    vertices, faces = target.mesh_world()
+    on_it = surface_points(vertices, faces, count=400, random=np.random.default_rng(0))
+    neighbour = moved(target, x_m=0.004)
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    # A piece of the table around the target's foot: its centre lies within the target.
+    table = np.random.default_rng(1).uniform(low - 0.05, high + 0.05, size=(400, 3))
+    table[:, 2] = low[2]
+    whole, twice = FakeMapped(1, on_it[:100]), FakeMapped(2, on_it)
+    mixed = FakeMapped(3, np.concatenate([on_it[:190], table[:210] - (0, 0, 0.02)]))
+
+    def find(*items: FakeMapped, objects: tuple[SceneObject, ...] = (target,)) -> int:
+        return find_mapped(items, truths(*objects), name="it").id  # type: ignore[arg-type]
+
+    assert find(FakeMapped(4, table), whole, mixed) == 1
+    assert find(whole, twice, mixed) == 2
+    for items in ((FakeMapped(4, table),), (mixed,), (FakeMapped(5, np.zeros((0, 3))),)):
+        with pytest.raises(TargetMissedError, match="the map holds no object where it stands"):
+            find(*items)
+    with pytest.raises(TargetMissedError, match=r"are 0\.00\d m off in the median"):
+        find(whole, objects=(neighbour, target))
 
 
 def test_a_target_that_no_mask_shows_fails_its_scene(scene: Scene) -> None:

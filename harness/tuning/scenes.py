@@ -14,7 +14,14 @@ from harness.errors import InputError
 from harness.native import Pipeline
 from harness.protocol import true_categories
 from harness.runs.job import plan_jobs
-from harness.scene_run import SceneFailure, find_mapped, map_scene, mesh_truth, scene_spec
+from harness.scene_run import (
+    SceneFailure,
+    find_mapped,
+    map_scene,
+    mesh_truth,
+    scene_spec,
+    without_idle_completer,
+)
 from harness.scoring import Answers
 from sim_scenes import SceneError, load_object_set, simulate
 
@@ -34,7 +41,8 @@ if TYPE_CHECKING:
 STRIDE = 4
 """Pixels of a view from one to the next in its small copy."""
 
-WITHOUT_COMPLETER = {"completer": "none"}
+GIVEN = {"completer": "none", "segmenter": "oracle"}
+"""What a pipeline is told that has neither to find the object nor to complete it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,10 +74,10 @@ class TuningScene:
         """Raw probability (n,) of the target's category under a ``[pipeline]`` table.
 
         A pipeline keeps its settings, and mapping a scene again costs as much as a model. Beside
-        the training points a model needs to know of the map only which object is meant; nor does it
-        need the completer, whose points are there already.
+        the training points a model needs to know of the map only which object is meant, by its
+        true mask; nor does it need the completer, whose points are there already.
         """
-        pipeline = Pipeline(json.dumps(settings | WITHOUT_COMPLETER, sort_keys=True))
+        pipeline = Pipeline(json.dumps(settings | GIVEN, sort_keys=True))
         (object_id,) = pipeline.add_frame(**self.view)
         if object_id is None:
             raise InputError(f"{self.scene_id}: no view shows the target; change [scenes]")
@@ -116,8 +124,12 @@ def tuning_scenes(
         try:
             scene = simulate(scene_spec(job, config), seed=job.seed, objects=objects)
             target = scene.objects[0]
-            pipeline = map_scene(scene, config=config)
-            mapped = find_mapped(pipeline.objects(), target)
+            pipeline = map_scene(scene, config=without_idle_completer(config))
+            truths = [mesh_truth(item) for item in scene.objects]
+            mapped = find_mapped(pipeline.objects(), truths, name=target.name)
+            if mapped.category != target.category:
+                lost(job.scene_id, f"its segmenter takes {target.name} for a {mapped.category}")
+                continue
             training = pipeline.training_set(mapped.id, seed=job.seed)
             asked, missing = gather_test_sets(
                 config.protocol.test_sets,
@@ -134,7 +146,7 @@ def tuning_scenes(
             lost(job.scene_id, missing[0].reason)
             continue
         points = np.concatenate([item.points_world for item in asked])
-        distances_m = np.stack([mesh_truth(item).distances(points) for item in scene.objects])
+        distances_m = np.stack([truth.distances(points) for truth in truths])
         tolerance_m = config.protocol.reported_tolerance_m
         true = true_categories(distances_m, scene.objects, tolerance_m=tolerance_m)
         yield TuningScene(
