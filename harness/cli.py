@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 from rich.progress import Progress as ProgressBar
 
-from harness import cli_completion, cli_data, cli_pictures, cli_study
+from harness import cli_completion, cli_data, cli_pictures, cli_segmentation, cli_study
 from harness.bench import (
     QUICK_SCENES,
     BenchOptions,
@@ -254,8 +254,8 @@ def render(
     return EXIT_OK
 
 
-for part in (cli_study.commands, cli_completion.commands, cli_data.commands, cli_pictures.commands):
-    app.registered_commands += part.registered_commands
+for part in (cli_study, cli_segmentation, cli_completion, cli_data, cli_pictures):
+    app.registered_commands += part.commands.registered_commands
 
 
 def check_python(version: tuple[int, int]) -> None:
