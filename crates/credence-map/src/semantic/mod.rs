@@ -80,6 +80,8 @@ pub struct SemanticMap {
     occupancy: OccupancyMap,
     records: BTreeMap<VoxelKey, Record>,
     tracker: Tracker,
+    /// Number of views inserted.
+    views: u32,
 }
 
 impl SemanticMap {
@@ -98,6 +100,7 @@ impl SemanticMap {
             occupancy: OccupancyMap::new(config.resolution_m)?,
             records: BTreeMap::new(),
             tracker: Tracker::new(config.tracker),
+            views: 0,
         })
     }
 
@@ -118,6 +121,7 @@ impl SemanticMap {
     /// 3. Objects that the view looks through are deleted, and their votes withdrawn; voxels that
     ///    the view passes and the octree holds free lose what was seen there.
     /// 4. Observations are appended to their objects, and every pixel votes in its voxel.
+    /// 5. Points of objects that are outvoted are left out of them: see [`TrackedObject`].
     ///
     /// # Errors
     /// A mask that does not fit the frame, a camera outside the map's volume, a view that crosses
@@ -162,13 +166,19 @@ impl SemanticMap {
         let mut objects = vec![None; instances.len()];
         for (id, observation) in ids.iter().zip(&observations) {
             let instance = &instances[observation.instance];
-            let id = self.tracker.append(*id, instance, observation);
+            let id = self.tracker.append(*id, self.views, instance, observation);
             objects[observation.instance] = Some(id);
         }
         let emptied = self.tracker.delete_empty();
         self.forget(&emptied);
         deleted.extend(emptied);
         self.vote(frame, instances, &hits, &observations, &objects);
+        let records = &self.records;
+        self.tracker.settle(|id, sightings, key| {
+            let record = records.get(key);
+            record.map_or(0.0, |record| record.share(id, sightings))
+        });
+        self.views += 1;
         Ok(InsertReport {
             scan: cells.update(),
             objects,
@@ -229,7 +239,8 @@ impl SemanticMap {
                 rgb: frame.rgb()[*pixel],
                 label: labels[*pixel],
             });
-            self.records.entry(group[0].0).or_default().add(samples);
+            let record = self.records.entry(group[0].0).or_default();
+            record.add(self.views, samples);
         }
     }
 
@@ -277,7 +288,7 @@ impl SemanticMap {
     /// An id that is not tracked.
     pub fn object_voxels(&self, id: ObjectId) -> Result<Vec<SemanticVoxel>, MapError> {
         let record = |key: &VoxelKey| Some((*key, self.records.get(key)?));
-        let keys = self.object(id)?.voxels();
+        let keys = self.object(id)?.seen_voxels();
         let owned = keys.iter().filter_map(record);
         let owned = owned.filter(|(_, record)| record.object() == Some(id));
         let voxels = owned.filter_map(|(key, record)| self.voxel(key, record));
@@ -329,7 +340,7 @@ impl SemanticMap {
         }
         let mut set = 0;
         let object = self.tracker.objects().get(&id);
-        for key in object.into_iter().flat_map(TrackedObject::voxels) {
+        for key in object.into_iter().flat_map(TrackedObject::seen_voxels) {
             let Some(record) = self.records.get_mut(key) else {
                 continue;
             };

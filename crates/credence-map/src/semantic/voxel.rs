@@ -1,6 +1,6 @@
 use credence_types::{CLASS_COUNT, FREE_CLASS, Point};
 
-use crate::{ObjectId, VoxelKey, key::Grid};
+use crate::{ObjectId, VoxelKey, key::Grid, tracker::Sighting};
 
 /// One voxel that the octree holds occupied, as the seed paper's Table I has it.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,59 +40,107 @@ pub(super) struct Label {
     pub(super) votes: [f64; CLASS_COUNT],
 }
 
+impl Label {
+    /// Adds a part of a vote.
+    fn add(&mut self, part: f64, vote: Self) {
+        self.weight += part * vote.weight;
+        for (sum, vote) in self.votes.iter_mut().zip(vote.votes) {
+            *sum += part * vote;
+        }
+    }
+}
+
+/// The votes for an object.
+#[derive(Debug, Clone, Copy)]
+struct Votes {
+    sum: Label,
+    /// Scores of the views that put any pixel on the object, added up.
+    views: f64,
+    /// The last of them.
+    last_view: u32,
+}
+
 /// The evidence that pixels have left in a voxel. It is kept whatever the octree holds of the
 /// voxel, until a view looks through it; only occupied voxels are shown.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Record {
     rgb_sum: [u64; 3],
     pixels: u64,
+    /// The views that show the voxel, by rising index.
+    views: Vec<u32>,
     background: f64,
-    /// The vote for each object, by rising id. Class votes stand with the object that they came
+    /// The votes for each object, by rising id. Class votes stand with the object that they came
     /// with, so that they can be withdrawn with it.
-    labels: Vec<Label>,
+    labels: Vec<Votes>,
     /// The confidence and the object that it was computed for.
     confidence: Option<(ObjectId, f64)>,
 }
 
 impl Record {
-    /// Adds one view's pixels, which together cast one vote.
-    pub(super) fn add(&mut self, samples: impl ExactSizeIterator<Item = Sample>) {
+    /// Adds one view's pixels, which together cast one vote. Views come by rising index.
+    pub(super) fn add(&mut self, view: u32, samples: impl ExactSizeIterator<Item = Sample>) {
+        self.views.push(view);
         let weight = 1.0 / samples.len() as f64;
         for Sample { rgb, label } in samples {
             for (sum, value) in self.rgb_sum.iter_mut().zip(rgb) {
                 *sum += u64::from(value);
             }
             self.pixels += 1;
-            let Some(label) = label else {
-                self.background += weight;
-                continue;
-            };
-            let at = match self.labels.binary_search_by_key(&label.id, |l| l.id) {
-                Ok(at) => at,
-                Err(at) => {
-                    let none = Label {
-                        weight: 0.0,
-                        votes: [0.0; CLASS_COUNT],
-                        ..label
-                    };
-                    self.labels.insert(at, none);
-                    at
-                }
-            };
-            let sum = &mut self.labels[at];
-            sum.weight += weight * label.weight;
-            for (sum, vote) in sum.votes.iter_mut().zip(label.votes) {
-                *sum += weight * vote;
+            match label {
+                None => self.background += weight,
+                Some(label) => self.votes_for(view, label).add(weight, label),
             }
         }
         self.drop_stale_confidence();
+    }
+
+    /// The votes for a label's object, among which this view counts.
+    fn votes_for(&mut self, view: u32, label: Label) -> &mut Label {
+        let at = match self.labels.binary_search_by_key(&label.id, |l| l.sum.id) {
+            Ok(at) => at,
+            Err(at) => {
+                let none = Votes {
+                    sum: Label {
+                        weight: 0.0,
+                        votes: [0.0; CLASS_COUNT],
+                        ..label
+                    },
+                    views: 0.0,
+                    last_view: view,
+                };
+                self.labels.insert(at, none);
+                at
+            }
+        };
+        let votes = &mut self.labels[at];
+        if votes.views == 0.0 || votes.last_view != view {
+            votes.views += label.weight;
+            votes.last_view = view;
+        }
+        &mut votes.sum
+    }
+
+    /// What part of the views that show both the voxel and an object put the one on the other, each
+    /// view by its detection's score.
+    pub(super) fn share(&self, id: ObjectId, sightings: &[Sighting]) -> f64 {
+        let Ok(at) = self.labels.binary_search_by_key(&id, |l| l.sum.id) else {
+            return 0.0;
+        };
+        let shows_voxel = |s: &&Sighting| self.views.binary_search(&s.view).is_ok();
+        let all: f64 = sightings.iter().filter(shows_voxel).map(|s| s.score).sum();
+        // A detection of score 0 says as little for as against.
+        if all > 0.0 {
+            self.labels[at].views / all
+        } else {
+            1.0
+        }
     }
 
     /// The object with most votes, the lowest id of equals; `None` if none has more than the
     /// background.
     pub(super) fn object(&self) -> Option<ObjectId> {
         let mut best = (None, self.background);
-        for label in &self.labels {
+        for Votes { sum: label, .. } in &self.labels {
             if label.weight > best.1 {
                 best = (Some(label.id), label.weight);
             }
@@ -102,7 +150,7 @@ impl Record {
 
     /// Withdraws deleted objects' votes, for the object and for its classes.
     pub(super) fn forget(&mut self, deleted: &[ObjectId]) {
-        self.labels.retain(|label| !deleted.contains(&label.id));
+        self.labels.retain(|votes| !deleted.contains(&votes.sum.id));
         self.drop_stale_confidence();
     }
 
@@ -124,7 +172,7 @@ impl Record {
         let mut histogram = [0.0; CLASS_COUNT];
         histogram[usize::from(FREE_CLASS)] = self.background;
         for label in &self.labels {
-            for (sum, votes) in histogram.iter_mut().zip(label.votes) {
+            for (sum, votes) in histogram.iter_mut().zip(label.sum.votes) {
                 *sum += votes;
             }
         }
@@ -177,9 +225,9 @@ mod tests {
     #[test]
     fn a_view_casts_one_vote_however_many_pixels_it_has() {
         let mut record = Record::default();
-        record.add([sample(0, Some((1, 6))); 16].into_iter());
-        record.add([sample(10, Some((2, 2)))].into_iter());
-        record.add([sample(10, Some((2, 2))), sample(11, None)].into_iter());
+        record.add(1, [sample(0, Some((1, 6))); 16].into_iter());
+        record.add(2, [sample(10, Some((2, 2)))].into_iter());
+        record.add(3, [sample(10, Some((2, 2))), sample(11, None)].into_iter());
         let grid = Grid::new(1.0).unwrap();
         let voxel = record.voxel(&grid, VoxelKey::from_axes([32768; 3]));
         assert_eq!(voxel.histogram, [0.5, 0.0, 1.5, 0.0, 0.0, 0.0, 1.0]);
@@ -192,9 +240,9 @@ mod tests {
     #[test]
     fn background_keeps_a_tie() {
         let mut record = Record::default();
-        record.add([sample(0, Some((1, 6))), sample(0, None)].into_iter());
+        record.add(1, [sample(0, Some((1, 6))), sample(0, None)].into_iter());
         assert_eq!((record.object(), mode(&record.histogram())), (None, 0));
-        record.add([sample(0, Some((1, 6)))].into_iter());
+        record.add(2, [sample(0, Some((1, 6)))].into_iter());
         assert_eq!(
             (record.object(), mode(&record.histogram())),
             (Some(ObjectId(1)), 6)
@@ -204,10 +252,10 @@ mod tests {
     #[test]
     fn a_forgotten_object_takes_its_votes_along() {
         let mut record = Record::default();
-        record.add([sample(0, Some((1, 6)))].into_iter());
-        record.add([sample(0, Some((1, 6)))].into_iter());
-        record.add([sample(0, Some((2, 2)))].into_iter());
-        record.add([sample(4, None), sample(4, Some((1, 6)))].into_iter());
+        record.add(1, [sample(0, Some((1, 6)))].into_iter());
+        record.add(2, [sample(0, Some((1, 6)))].into_iter());
+        record.add(3, [sample(0, Some((2, 2)))].into_iter());
+        record.add(4, [sample(4, None), sample(4, Some((1, 6)))].into_iter());
         record.set_confidence(Some(0.75));
         record.forget(&[ObjectId(1)]);
         let grid = Grid::new(1.0).unwrap();
@@ -223,17 +271,17 @@ mod tests {
         let mut record = Record::default();
         record.set_confidence(Some(0.5));
         assert_eq!(record.confidence, None);
-        record.add([sample(0, Some((1, 6)))].into_iter());
+        record.add(1, [sample(0, Some((1, 6)))].into_iter());
         record.set_confidence(Some(0.5));
-        record.add([sample(0, Some((2, 6)))].into_iter());
+        record.add(2, [sample(0, Some((2, 6)))].into_iter());
         assert_eq!(record.confidence, Some((ObjectId(1), 0.5)));
-        record.add([sample(0, Some((2, 6)))].into_iter());
+        record.add(3, [sample(0, Some((2, 6)))].into_iter());
         assert_eq!(
             (record.object(), record.confidence),
             (Some(ObjectId(2)), None)
         );
-        record.add([sample(0, Some((1, 6))); 3].into_iter());
-        record.add([sample(0, Some((1, 6)))].into_iter());
+        record.add(4, [sample(0, Some((1, 6))); 3].into_iter());
+        record.add(5, [sample(0, Some((1, 6)))].into_iter());
         assert_eq!(
             (record.object(), record.confidence),
             (Some(ObjectId(1)), None)

@@ -4,7 +4,8 @@
 //! 2. Detections and objects are paired one to one at the least total cost; pairs beyond the gate
 //!    are not allowed.
 //! 3. A paired detection is appended to its object, another one becomes a new object.
-//! 4. An object without a detection is deleted once the view looks through its place: occlusion
+//! 4. Points of an object that its other views say are none of it are left out.
+//! 5. An object without a detection is deleted once the view looks through its place: occlusion
 //!    and a turned camera delete nothing, nor does a detection too small to append.
 
 mod assignment;
@@ -14,7 +15,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use credence_types::{Instance, Point};
 pub use object::{ObjectId, TrackedObject};
-pub(crate) use object::{Observation, class_votes};
+pub(crate) use object::{Observation, Sighting, class_votes};
 
 use crate::{MapError, VoxelKey, key::Grid, nearest::Nearest, scan::ScanCells};
 
@@ -212,10 +213,11 @@ impl Tracker {
         }
     }
 
-    /// Adds an observation to its object, or to a new one.
+    /// Adds what a view observed to its object, or to a new one.
     pub(crate) fn append(
         &mut self,
         id: Option<ObjectId>,
+        view: u32,
         instance: &Instance,
         observation: &Observation,
     ) -> ObjectId {
@@ -226,8 +228,16 @@ impl Tracker {
         self.objects
             .entry(id)
             .or_insert_with(|| TrackedObject::new(id))
-            .append(instance, observation);
+            .append(view, instance, observation);
         id
+    }
+
+    /// Leaves outvoted points out of the objects; `share` is what part of the votes on a voxel are
+    /// for an object with these sightings.
+    pub(crate) fn settle(&mut self, share: impl Fn(ObjectId, &[Sighting], &VoxelKey) -> f64) {
+        for (id, object) in &mut self.objects {
+            object.settle(|sightings, key| share(*id, sightings, key));
+        }
     }
 
     /// Deletes objects of which nothing is left; returns their ids.

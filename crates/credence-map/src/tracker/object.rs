@@ -30,30 +30,78 @@ pub(crate) struct Observation {
 }
 
 /// An object and all that was seen of it.
+///
+/// Masks err: they spill onto what stands behind, or take in a neighbour. A voxel is the object's as
+/// long as the views that show both mostly agree on it; those that miss the object say nothing. Each
+/// counts by the score of its detection. Points and voxels that are outvoted are left out, until
+/// further views say otherwise.
 #[derive(Debug, Clone)]
 pub struct TrackedObject {
     id: ObjectId,
     histogram: [f64; CLASS_COUNT],
-    score_sum: f64,
-    views: u32,
+    /// The views that show the object, by rising index.
+    sightings: Vec<Sighting>,
+    seen: Seen,
+    /// What is not outvoted, where that is not all.
+    agreed: Option<Seen>,
+    is_settled: bool,
+}
+
+/// A view that shows an object.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sighting {
+    /// Which view of the map's.
+    pub(crate) view: u32,
+    /// The detection's score.
+    pub(crate) score: f64,
+}
+
+/// Points and where they lie.
+#[derive(Debug, Clone, Default)]
+struct Seen {
     cloud: PointCloud,
+    /// Voxel of each point.
     keys: Vec<VoxelKey>,
+    /// Distinct voxels, sorted.
     voxels: Vec<VoxelKey>,
 }
 
+impl Seen {
+    fn append(&mut self, observation: &Observation) {
+        self.cloud.extend(&observation.cloud);
+        self.keys.extend(&observation.keys);
+        self.voxels.extend(&observation.voxels);
+        self.voxels.sort_unstable();
+        self.voxels.dedup();
+    }
+
+    /// Those in some of the voxels.
+    fn within(&self, voxels: Vec<VoxelKey>) -> Self {
+        let mut within = Self {
+            voxels,
+            ..Self::default()
+        };
+        for (i, key) in self.keys.iter().enumerate() {
+            if within.voxels.binary_search(key).is_ok() {
+                within
+                    .cloud
+                    .push(self.cloud.points_world[i], self.cloud.rgb[i]);
+                within.keys.push(*key);
+            }
+        }
+        within
+    }
+}
+
 impl TrackedObject {
-    pub(super) const fn new(id: ObjectId) -> Self {
+    pub(super) fn new(id: ObjectId) -> Self {
         Self {
             id,
             histogram: [0.0; CLASS_COUNT],
-            score_sum: 0.0,
-            views: 0,
-            cloud: PointCloud {
-                points_world: Vec::new(),
-                rgb: Vec::new(),
-            },
-            keys: Vec::new(),
-            voxels: Vec::new(),
+            sightings: Vec::new(),
+            seen: Seen::default(),
+            agreed: None,
+            is_settled: true,
         }
     }
 
@@ -83,58 +131,78 @@ impl TrackedObject {
 
     /// Mean score of the detections in \[0, 1\].
     pub fn score(&self) -> f64 {
-        self.score_sum / f64::from(self.views)
+        let scores = self.sightings.iter().map(|sighting| sighting.score);
+        scores.sum::<f64>() / self.sightings.len() as f64
     }
 
     /// Number of views in which the object was detected.
-    pub const fn views(&self) -> u32 {
-        self.views
+    pub fn views(&self) -> u32 {
+        self.sightings.len() as u32
     }
 
-    /// All observed points, at the depth images' full resolution.
+    /// All observed points but those outvoted, at the depth images' full resolution.
     pub const fn cloud(&self) -> &PointCloud {
-        &self.cloud
+        &self.agreed().cloud
     }
 
     /// Distinct voxels of the observed points, sorted.
     pub fn voxels(&self) -> &[VoxelKey] {
-        &self.voxels
+        &self.agreed().voxels
     }
 
     /// Mean of the observed points.
     pub fn centroid(&self) -> Point {
-        mean(&self.cloud.points_world)
+        mean(&self.cloud().points_world)
     }
 
-    pub(super) fn append(&mut self, instance: &Instance, observation: &Observation) {
+    /// Distinct voxels of all points, the outvoted among them, sorted.
+    pub(crate) fn seen_voxels(&self) -> &[VoxelKey] {
+        &self.seen.voxels
+    }
+
+    const fn agreed(&self) -> &Seen {
+        match &self.agreed {
+            Some(agreed) => agreed,
+            None => &self.seen,
+        }
+    }
+
+    pub(super) fn append(&mut self, view: u32, instance: &Instance, observation: &Observation) {
         for (sum, votes) in self.histogram.iter_mut().zip(class_votes(instance)) {
             *sum += votes;
         }
-        self.score_sum += instance.score();
-        self.views += 1;
-        self.cloud.extend(&observation.cloud);
-        self.keys.extend(&observation.keys);
-        self.voxels.extend(&observation.voxels);
-        self.voxels.sort_unstable();
-        self.voxels.dedup();
+        let score = instance.score();
+        self.sightings.push(Sighting { view, score });
+        self.seen.append(observation);
+        self.is_settled = false;
     }
 
     pub(super) fn retain_voxels(&mut self, stays: impl Fn(&VoxelKey) -> bool) {
-        let count = self.voxels.len();
-        self.voxels.retain(stays);
-        if self.voxels.len() == count {
+        let mut voxels = self.seen.voxels.clone();
+        voxels.retain(stays);
+        if voxels.len() < self.seen.voxels.len() {
+            self.seen = self.seen.within(voxels);
+            self.agreed = None;
+            self.is_settled = false;
+        }
+    }
+
+    /// Leaves out what is outvoted, given the share of the votes that a voxel has for the object.
+    /// At least half must be for it, or as many as in its best voxel: where all are in doubt, all
+    /// that is known is what the doubt is about.
+    pub(super) fn settle(&mut self, share: impl Fn(&[Sighting], &VoxelKey) -> f64) {
+        if self.is_settled {
             return;
         }
-        let mut cloud = PointCloud::default();
-        let mut keys = Vec::new();
-        for (i, key) in self.keys.iter().enumerate() {
-            if self.voxels.binary_search(key).is_ok() {
-                cloud.push(self.cloud.points_world[i], self.cloud.rgb[i]);
-                keys.push(*key);
-            }
-        }
-        self.cloud = cloud;
-        self.keys = keys;
+        self.is_settled = true;
+        let voxels = self.seen.voxels.iter();
+        let shares: Vec<f64> = voxels.map(|key| share(&self.sightings, key)).collect();
+        let least = shares.iter().copied().fold(0.0, f64::max).min(0.5);
+        self.agreed = shares.iter().any(|share| *share < least).then(|| {
+            let voxels = self.seen.voxels.iter().zip(&shares);
+            let agreed = voxels.filter(|(_, share)| **share >= least);
+            self.seen.within(agreed.map(|(key, _)| *key).collect())
+        });
     }
 }
 
