@@ -22,13 +22,16 @@ from harness.errors import InputError
 from harness.native import CLASS_NAMES, MeshTruth
 from harness.pictures import CLASS_COLOURS, fit_width, label, write_picture
 from harness.runs.job import plan_jobs
-from harness.scene_run import map_scene, simulate_job
+from harness.scene_run import ORACLE, map_scene, simulate_job
+from harness.segmentation.pictures import Instance, draw_instances
+from harness.segmentation.segmenter import make_segmenter, segment_frame, truth_for
 from sim_scenes import SceneError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from harness.asked import Completion
+    from harness.config import Config
     from harness.native import MappedObject, Pipeline, Voxels
     from sim_scenes import Frame, Scene
 
@@ -125,17 +128,42 @@ def run_render(options: RenderOptions) -> ScenePictures:
     except SceneError as error:
         raise InputError(f"--scene {options.scene}: {error}") from error
     try:
-        return render_pictures(scene, map_scene(scene, config=config), folder=folder)
+        return render_pictures(
+            scene,
+            map_scene(scene, config=config),
+            instances=segment_views(scene, config=config),
+            folder=folder,
+        )
     except OSError as error:
         reason = error.strerror or error
         raise InputError(f"cannot write to {folder}: {reason}; pass a writable --out") from error
 
 
-def render_pictures(scene: Scene, pipeline: Pipeline, *, folder: Path) -> ScenePictures:
-    """Write the RGB, depth and mask of every view, the map in 3-D, and one montage of all.
+def segment_views(scene: Scene, *, config: Config) -> list[list[Instance]]:
+    """Find the instances in a scene's frames, as the map that it becomes does."""
+    segmenter = make_segmenter(config.pipeline_json())
+    categories = truth_for(config.pipeline["segmenter"], scene)
+    return [
+        [
+            Instance(found.mask, found.category, found.score)
+            for found in segment_frame(segmenter, frame, categories=categories)
+        ]
+        for frame in scene.frames
+    ]
 
-    Where the pipeline completes shapes, two panels show them over the true meshes, and each is
-    written as a cloud.
+
+def render_pictures(
+    scene: Scene,
+    pipeline: Pipeline,
+    *,
+    instances: Sequence[Sequence[Instance]],
+    folder: Path,
+) -> ScenePictures:
+    """Write every view, what was found in it and the truth, the map in 3-D, and a montage.
+
+    The montage leaves the pictures of the true masks out: over what a network found it shows their
+    outlines, and the oracle finds the true masks. Where the pipeline completes shapes, two panels
+    show them over the true meshes, and each is written as a cloud.
 
     Parameters
     ----------
@@ -143,6 +171,8 @@ def render_pictures(scene: Scene, pipeline: Pipeline, *, folder: Path) -> SceneP
         The frames.
     pipeline
         The map that they were fed to.
+    instances
+        What its segmenter found in each frame.
     folder
         Made where it is missing; files of the same names are replaced.
     """
@@ -150,17 +180,21 @@ def render_pictures(scene: Scene, pipeline: Pipeline, *, folder: Path) -> SceneP
     pictures: dict[str, Picture] = {}
     rows = []
     near_m, far_m = depth_range([frame.depth_m for frame in scene.frames])
-    for index, frame in enumerate(scene.frames):
+    learned = pipeline.segmenter != ORACLE
+    for index, (frame, found) in enumerate(zip(scene.frames, instances, strict=True)):
         row = {
             f"view{index}_rgb": frame.rgb,
             f"view{index}_depth": colour_depth(frame.depth_m, near_m=near_m, far_m=far_m),
-            f"view{index}_mask": overlay_mask(frame, scene),
+            f"view{index}_found": draw_instances(
+                frame.rgb, found, true_masks=true_masks(frame, scene) if learned else ()
+            ),
         }
-        pictures |= row
+        pictures |= row | {f"view{index}_mask": overlay_mask(frame, scene)}
+        truth = "; true outlines white" if learned else ""
         captions = (
             f"view{index}_rgb",
             f"view{index}_depth: bright {near_m:.2f} m, dark {far_m:.2f} m",
-            f"view{index}_mask",
+            f"view{index}_found: by {pipeline.segmenter}{truth}",
         )
         labelled = [label(*pair) for pair in zip(row.values(), captions, strict=True)]
         rows.append(np.concatenate(labelled, axis=1))
@@ -248,6 +282,14 @@ def colour_depth(depth_m: npt.NDArray[np.float32], *, near_m: float, far_m: floa
     share = np.clip((far_m - depth_m) / max(far_m - near_m, 1e-6), 0, 1)
     colours = mpl.colormaps["viridis"](np.where(valid, share, 0.0))[..., :3]
     return np.asarray(np.where(valid[..., None], colours * 255, 0), dtype=np.uint8)
+
+
+def true_masks(frame: Frame, scene: Scene) -> list[npt.NDArray[np.bool_]]:
+    """List the true mask (h, w) of each object that a frame shows."""
+    if frame.instance_ids is None:
+        return []
+    masks = [frame.instance_ids == item.instance_id for item in scene.objects]
+    return [mask for mask in masks if mask.any()]
 
 
 def overlay_mask(frame: Frame, scene: Scene) -> Picture:

@@ -17,7 +17,12 @@ from harness.segmentation.rows import (
     TimedScene,
     Truth,
 )
-from harness.segmentation.segmenter import ORACLE, make_segmenter, segment_frame, segmenter_json
+from harness.segmentation.segmenter import (
+    make_segmenter,
+    segment_frame,
+    segmenter_json,
+    truth_for,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -93,11 +98,11 @@ def time_scene(job: SceneJob, config: Config, plan: Plan) -> TimedScene:
     for item in plan.choices:
         segmenter = make_segmenter(segmenter_json(config, item.setting))
         # What is set up by the first frame is no part of a frame's time.
-        segment_frame(segmenter, scene.frames[0], categories=_categories(item, scene))
+        segment_frame(segmenter, scene.frames[0], categories=truth_for(item.setting, scene))
         measured = []
         for frame in scene.frames:
             start = time.perf_counter()
-            segment_frame(segmenter, frame, categories=_categories(item, scene))
+            segment_frame(segmenter, frame, categories=truth_for(item.setting, scene))
             measured.append(MS * (time.perf_counter() - start))
         times[item.name] = tuple(measured)
     return TimedScene(job.scene_id, times)
@@ -109,12 +114,9 @@ def _found(
     return {
         item.name: tuple(
             Found(detection.category, float(detection.score), encode(detection.mask))
-            for detection in segment_frame(segmenter, frame, categories=_categories(item, scene))
+            for detection in segment_frame(
+                segmenter, frame, categories=truth_for(item.setting, scene)
+            )
         )
         for item, segmenter in segmenters.items()
     }
-
-
-def _categories(item: Choice, scene: Scene) -> dict[int, str] | None:
-    """Truth for the segmenter that stands for it; no other gets to see any."""
-    return scene.categories if item.setting == ORACLE else None

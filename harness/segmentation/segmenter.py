@@ -6,6 +6,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Protocol
 
 from harness import native
+from harness.scene_run import ORACLE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -14,9 +15,8 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from harness.config import Config
-    from sim_scenes import Frame
+    from sim_scenes import Frame, Scene
 
-ORACLE = "oracle"
 LEAST_SCORE = 0.05
 """Detections down to this score are asked for, whatever the map would take: average precision
 counts them all."""
@@ -85,6 +85,19 @@ def make_segmenter(pipeline_json: str) -> Segments:
     """Make a segmenter, or return the one that this process has made already."""
     segmenter: Segments = native.Segmenter(pipeline_json)
     return segmenter
+
+
+def truth_for(setting: str, scene: Scene) -> dict[int, str] | None:
+    """Return a scene's categories for the segmenter that stands for the truth; no other sees any.
+
+    Parameters
+    ----------
+    setting
+        ``pipeline.segmenter``.
+    scene
+        With its true masks.
+    """
+    return scene.categories if setting == ORACLE else None
 
 
 def segment_frame(

@@ -38,6 +38,7 @@ class FakeCompletions:
     completed: dict[int, FakeCompletion] = field(default_factory=dict)
     reason: str = "3 of its pixels have a valid depth"
     pipeline: Any = None
+    segmenter: str = "oracle"
 
     def completion(self, object_id: int) -> FakeCompletion | None:
         return self.completed.get(object_id)

@@ -13,7 +13,7 @@ from PIL import Image
 from harness import cli
 from harness.config import load_config
 from harness.errors import InputError
-from harness.pictures import fit_width, label
+from harness.pictures import CLASS_COLOURS, fit_width, label
 from harness.render import (
     RenderOptions,
     ScenePictures,
@@ -22,6 +22,8 @@ from harness.render import (
     overlay_mask,
     render_pictures,
     run_render,
+    segment_views,
+    true_masks,
 )
 from harness.runs.atomic import DiskError
 from harness.runs.job import SceneJob
@@ -35,13 +37,14 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from harness.native import Pipeline
+    from harness.segmentation.pictures import Instance
 
 SETTINGS = '[scenes]\nwidth = 160\nheight = 120\nviews = 2\n[pipeline]\ncompleter = "none"\n'
 NAMES = [
     "map_classes.png",
     "map_rgb.png",
     "montage.png",
-    *(f"view{view}_{what}.png" for view in (0, 1) for what in ("depth", "mask", "rgb")),
+    *(f"view{view}_{what}.png" for view in (0, 1) for what in ("depth", "found", "mask", "rgb")),
 ]
 
 
@@ -94,7 +97,8 @@ def test_a_full_disk_leaves_whole_pictures_only(options: RenderOptions, tmp_path
     job = SceneJob(scene_id="mug-0000", category="mug", object_name="mug_pybullet", seed=11)
     scene = simulate_job(job, config)
     pipeline = map_scene(scene, config=config)
-    sound = render_pictures(scene, pipeline, folder=tmp_path / "sound")
+    instances = segment_views(scene, config=config)
+    sound = render_pictures(scene, pipeline, instances=instances, folder=tmp_path / "sound")
     before = {path.name: path.read_bytes() for path in sound.files}
     sizes = sorted(map(len, before.values()))
     assert sizes[-1] == len(before["montage.png"])
@@ -103,7 +107,7 @@ def test_a_full_disk_leaves_whole_pictures_only(options: RenderOptions, tmp_path
             full_disk(sizes[-1] - 1),
             pytest.raises(DiskError, match=r"cannot write .*montage\.png: File too large; free or"),
         ):
-            render_pictures(scene, pipeline, folder=tmp_path / folder)
+            render_pictures(scene, pipeline, instances=instances, folder=tmp_path / folder)
         assert sorted(path.name for path in (tmp_path / folder).iterdir()) == left
         for name in left:
             assert (tmp_path / folder / name).read_bytes() == before[name]
@@ -121,7 +125,12 @@ def test_completed_shapes_get_two_panels_and_a_cloud_each(
     completing = FakeCompletions(
         completed={first.id: fake_completion(vertices[:400])}, pipeline=pipeline
     )
-    pictures = render_pictures(scene, cast("Pipeline", completing), folder=tmp_path)
+    pictures = render_pictures(
+        scene,
+        cast("Pipeline", completing),
+        instances=segment_views(scene, config=config),
+        folder=tmp_path,
+    )
     names = [*NAMES, "completed_back.png", "completed_front.png", f"completed-{first.id}.ply"]
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
     assert pictures.clouds == (tmp_path / f"completed-{first.id}.ply",)
@@ -138,6 +147,36 @@ def test_completed_shapes_get_two_panels_and_a_cloud_each(
         assert (colours == OBSERVED_COLOUR).all(axis=1).sum() > 100
         assert (colours == COMPLETED_COLOUR).all(axis=1).sum() > 100
         assert all_.size == (480, 2 * 120 + 180 + 180)
+
+
+def test_what_the_segmenter_found_is_drawn_with_its_scores(
+    options: RenderOptions, tmp_path: Path
+) -> None:
+    config = load_config(options.config)
+    job = SceneJob("mug-0000", "mug", "mug_pybullet", seed=11)
+    scene = simulate_job(job, config)
+    pipeline = map_scene(scene, config=config)
+    found = segment_views(scene, config=config)
+    assert [[(item.category, item.score) for item in view] for view in found] == [
+        [("mug", 1.0)]
+    ] * len(scene.frames)
+    for frame, (item,) in zip(scene.frames, found, strict=True):
+        (mask,) = true_masks(frame, scene)
+        assert_array_equal(item.mask, mask)
+    render_pictures(scene, pipeline, instances=found, folder=tmp_path / "oracle")
+    learned = cast("Pipeline", FakeCompletions(segmenter="net", pipeline=pipeline))
+    nothing: list[list[Instance]] = [[] for _ in scene.frames]
+    render_pictures(scene, learned, instances=nothing, folder=tmp_path / "net")
+    with (
+        Image.open(tmp_path / "oracle" / "view0_found.png") as oracle,
+        Image.open(tmp_path / "net" / "view0_found.png") as net,
+    ):
+        vermilion = (np.asarray(oracle) == np.array(CLASS_COLOURS["mug"])).all(axis=2)
+        outline = (np.asarray(net) != scene.frames[0].rgb).any(axis=2)
+    assert vermilion.sum() > 100
+    # A network that finds nothing has its picture hold the true outline alone.
+    assert 0 < outline.sum() < found[0][0].mask.sum() / 2
+    assert (np.asarray(net)[outline] == 255).all()
 
 
 @pytest.mark.parametrize("inner", ["", "deep/er"])
