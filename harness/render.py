@@ -181,12 +181,12 @@ def render_pictures(
     rows = []
     near_m, far_m = depth_range([frame.depth_m for frame in scene.frames])
     learned = pipeline.segmenter != ORACLE
-    for index, (frame, found) in enumerate(zip(scene.frames, instances, strict=True)):
+    for index, (frame, seen) in enumerate(zip(scene.frames, instances, strict=True)):
         row = {
             f"view{index}_rgb": frame.rgb,
             f"view{index}_depth": colour_depth(frame.depth_m, near_m=near_m, far_m=far_m),
             f"view{index}_found": draw_instances(
-                frame.rgb, found, true_masks=true_masks(frame, scene) if learned else ()
+                frame.rgb, seen, true_masks=true_masks(frame, scene) if learned else ()
             ),
         }
         pictures |= row | {f"view{index}_mask": overlay_mask(frame, scene)}

@@ -10,7 +10,16 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("credence", "manifold3d", "numpy", "polars", "pybullet", "scipy", "trimesh")
+PACKAGES = (
+    "credence",
+    "manifold3d",
+    "numpy",
+    "polars",
+    "pybullet",
+    "pycocotools",
+    "scipy",
+    "trimesh",
+)
 """Packages whose version a run's numbers may depend on."""
 
 UNKNOWN = "unknown"

@@ -13,8 +13,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harness.scene_run import SceneFailure, StageClock, evaluate_scene, simulate_job
-from harness.segmentation.segmenter import ORACLE, with_segmenter
+from harness.scene_run import (
+    ORACLE,
+    SceneFailure,
+    StageClock,
+    evaluate_scene,
+    simulate_job,
+)
+from harness.segmentation.segmenter import with_segmenter
 from harness.statistics import MeanEstimate, mean_estimate
 from harness.table.differences import cell_order
 from harness.table.summary import MODEL_ORDER, completion_label

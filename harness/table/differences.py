@@ -35,6 +35,8 @@ class Difference:
     category, completion
         Class, and the completion that made the points; ``cloud less centersnap`` where each of the
         two has points of its own.
+    segmenter
+        ``maskrcnn less oracle`` where they had different ones.
     first, second
         What is compared: names of models.
     scenes, objects
@@ -102,8 +104,8 @@ def paired_differences(
     Parameters
     ----------
     first, second
-        Records of one model each; a pair is two of one scene, test set and tolerance. Points of
-        different completers are of one test set.
+        Records of one model and segmenter each; a pair is two of one scene, test set and
+        tolerance. Points of different completers are of one test set.
     classes
         Order of the classes.
     seed
@@ -119,7 +121,7 @@ def paired_differences(
             cell = (
                 record.category,
                 " less ".join(completions),
-                record.segmenter,
+                " less ".join(dict.fromkeys((record.segmenter, partner.segmenter))),
                 record.tolerance_m,
             )
             groups[cell].append((record, partner))
@@ -135,9 +137,8 @@ def _order(item: Difference, *, classes: Sequence[str]) -> tuple[object, ...]:
     return (*cell, item.segmenter, item.tolerance_m)
 
 
-def _pairing(record: Record) -> tuple[str, str, str, float]:
-    test_set = test_set_of(record.completion)
-    return (record.scene_id, test_set, record.segmenter, record.tolerance_m)
+def _pairing(record: Record) -> tuple[str, str, float]:
+    return (record.scene_id, test_set_of(record.completion), record.tolerance_m)
 
 
 def _difference(

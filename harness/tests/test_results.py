@@ -93,6 +93,15 @@ def test_completers_are_compared_each_on_its_own_points(
         compare_runs(folder, other, model_a="metric", model_b="metric")
 
 
+def test_segmenters_are_compared_on_the_same_scenes(
+    folder: Path, changed: Callable[[Callable[[Record], Record | None]], Path]
+) -> None:
+    other = changed(lambda row: replace(row, segmenter="net", accuracy=0.25))
+    found = compare_runs(other, folder, model_a="metric", model_b="metric")
+    assert (found.scenes, found.unlike) == (6, [])
+    assert [item.segmenter for item in found.differences] == ["net less oracle"] * 2
+
+
 def test_scenes_of_one_run_alone_are_counted(
     folder: Path, changed: Callable[[Callable[[Record], Record | None]], Path]
 ) -> None:
