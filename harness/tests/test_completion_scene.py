@@ -40,6 +40,7 @@ height = 120
 test_points = 60
 [pipeline]
 completer = "{OWN}"
+segmenter = "oracle"
 [pipeline.training]
 points = 80
 [pipeline.gp]

@@ -33,6 +33,7 @@ CONFIG = Config.model_validate(
         "protocol": {"test_points": 200, "test_sets": ["box", "completed"]},
         "pipeline": {
             "completer": "none",
+            "segmenter": "oracle",
             "training": {"points": 120},
             "gp": {"models": MODELS, "fit_points": 60},
         },

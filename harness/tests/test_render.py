@@ -39,7 +39,10 @@ if TYPE_CHECKING:
     from harness.native import Pipeline
     from harness.segmentation.pictures import Instance
 
-SETTINGS = '[scenes]\nwidth = 160\nheight = 120\nviews = 2\n[pipeline]\ncompleter = "none"\n'
+SETTINGS = (
+    "[scenes]\nwidth = 160\nheight = 120\nviews = 2\n"
+    '[pipeline]\ncompleter = "none"\nsegmenter = "oracle"\n'
+)
 NAMES = [
     "map_classes.png",
     "map_rgb.png",

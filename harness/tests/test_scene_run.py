@@ -50,6 +50,7 @@ CONFIG = Config.model_validate(
         "protocol": {"test_points": 300, "test_sets": ["box", "perturbed"]},
         "pipeline": {
             "completer": "none",
+            "segmenter": "oracle",
             "training": {"points": 240},
             "gp": {"models": MODELS, "fit_points": 120},
             "recalibration": {"classic": {"slope": 1.0, "intercept": 0.0}},

@@ -179,7 +179,8 @@ def test_no_scene_at_all(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Non
 def test_a_real_scene_answers_to_its_settings(tmp_path: Path) -> None:
     text = (
         '[run]\nclasses = ["mug"]\nscenes = 1\n[scenes]\nviews = 1\nwidth = 160\nheight = 120\n'
-        '[protocol]\ntest_sets = ["box", "perturbed"]\n[pipeline]\ncompleter = "none"\n'
+        '[protocol]\ntest_sets = ["box", "perturbed"]\n'
+        '[pipeline]\ncompleter = "none"\nsegmenter = "oracle"\n'
         "[pipeline.training]\npoints = 200\n"
     )
     (tmp_path / "small.toml").write_text(text, encoding="utf-8")
