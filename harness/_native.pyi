@@ -151,14 +151,19 @@ class Detection:
 class Segmenter:
     """The segmenter of a pipeline's configuration, by itself: what `Pipeline.add_frame` works with.
 
-    ``name`` is as the configuration spells it: ``"oracle"``, which needs a frame's ``instance_ids``
+    ``name`` is as the configuration spells it: ``"maskrcnn"``, a network that sees colour,
+    ``"maskrcnn_rgbd"``, which sees depth too, ``"oracle"``, which needs a frame's ``instance_ids``
     and ``categories``, or ``"python:module.function"``. Such a function is imported when the
     segmenter is made, and called for every frame as `harness.native.SegmenterFunction` says.
+    ``temperature`` is what a network's logits are divided by to make its scores probabilities: 1
+    with ``segmentation.calibrated = false``, None for a segmenter that is no network of ours.
     """
 
     def __new__(cls, config: str = "{}") -> Self: ...
     @property
     def name(self) -> str: ...
+    @property
+    def temperature(self) -> float | None: ...
     def segment(
         self,
         *,

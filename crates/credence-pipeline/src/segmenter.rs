@@ -1,15 +1,33 @@
 use std::sync::OnceLock;
 
-use credence_segment::{SegmentError, Segmenter};
+use credence_segment::{
+    SegmentError, Segmenter,
+    maskrcnn::{Input, MaskRcnn},
+};
 use credence_types::{Frame, Instance, Intrinsics};
 
-use crate::{Config, PipelineError, SegmenterChoice};
+use crate::{Config, PipelineError, SegmentationConfig, SegmenterChoice};
 
 /// What finds the objects in frames: the segmenter that a configuration names, loaded when it is
 /// first needed, or one from outside.
 pub struct ChosenSegmenter {
     choice: SegmenterChoice,
-    loaded: OnceLock<Box<dyn Segmenter>>,
+    segmentation: SegmentationConfig,
+    loaded: OnceLock<Loaded>,
+}
+
+enum Loaded {
+    MaskRcnn(Box<MaskRcnn>),
+    Other(Box<dyn Segmenter>),
+}
+
+impl Loaded {
+    fn segmenter(&self) -> &dyn Segmenter {
+        match self {
+            Self::MaskRcnn(network) => network.as_ref(),
+            Self::Other(segmenter) => segmenter.as_ref(),
+        }
+    }
 }
 
 impl ChosenSegmenter {
@@ -26,7 +44,8 @@ impl ChosenSegmenter {
         config.check()?;
         let chosen = Self {
             choice: config.segmenter.clone(),
-            loaded: foreign.map_or_else(OnceLock::new, OnceLock::from),
+            segmentation: config.segmentation.clone(),
+            loaded: foreign.map_or_else(OnceLock::new, |s| Loaded::Other(s).into()),
         };
         let is_python = matches!(chosen.choice, SegmenterChoice::Python(_));
         if is_python || config.segmentation.weights.file().is_some() {
@@ -45,26 +64,61 @@ impl ChosenSegmenter {
     /// # Errors
     /// A frame that the segmenter refuses.
     pub fn segment(&self, frame: &Frame) -> Result<Vec<Instance>, PipelineError> {
-        Ok(self.get()?.segment(frame)?)
+        Ok(self.get()?.segmenter().segment(frame)?)
     }
 
-    fn get(&self) -> Result<&dyn Segmenter, PipelineError> {
+    /// What the segmenter's logits are divided by to make its scores probabilities; `None` if it is
+    /// no network of ours.
+    ///
+    /// # Errors
+    /// Weights that cannot be read.
+    pub fn temperature(&self) -> Result<Option<f64>, PipelineError> {
+        Ok(match self.get()? {
+            Loaded::MaskRcnn(network) => Some(network.temperature()),
+            Loaded::Other(_) => None,
+        })
+    }
+
+    fn get(&self) -> Result<&Loaded, PipelineError> {
         if let Some(loaded) = self.loaded.get() {
-            return Ok(loaded.as_ref());
+            return Ok(loaded);
         }
         let loaded = self.load()?;
         // Of two threads that load it at once, one is in time.
-        Ok(self.loaded.get_or_init(|| loaded).as_ref())
+        Ok(self.loaded.get_or_init(|| loaded))
     }
 
-    fn load(&self) -> Result<Box<dyn Segmenter>, PipelineError> {
-        match &self.choice {
-            SegmenterChoice::Oracle => Ok(Box::new(Oracle)),
-            SegmenterChoice::Python(function) => Err(PipelineError::Config(format!(
-                "segmenter = \"{function}\" needs Python; make the pipeline there, or pass a \
-                 segmenter"
-            ))),
-        }
+    fn load(&self) -> Result<Loaded, PipelineError> {
+        Ok(match &self.choice {
+            SegmenterChoice::MaskRcnn => self.network(Input::Colour)?,
+            SegmenterChoice::MaskRcnnRgbd => self.network(Input::ColourAndDepth)?,
+            SegmenterChoice::Oracle => Loaded::Other(Box::new(Oracle)),
+            SegmenterChoice::Python(function) => {
+                return Err(PipelineError::Config(format!(
+                    "segmenter = \"{function}\" needs Python; make the pipeline there, or pass a \
+                     segmenter"
+                )));
+            }
+        })
+    }
+
+    fn network(&self, input: Input) -> Result<Loaded, PipelineError> {
+        let SegmentationConfig {
+            weights,
+            least_score,
+            calibrated,
+        } = &self.segmentation;
+        let network = match weights.file() {
+            None => MaskRcnn::embedded(input)?,
+            Some(path) => MaskRcnn::from_file(path, input)?,
+        };
+        let network = network.with_least_score(*least_score);
+        let network = if *calibrated {
+            network
+        } else {
+            network.uncalibrated()
+        };
+        Ok(Loaded::MaskRcnn(Box::new(network)))
     }
 }
 
@@ -115,6 +169,7 @@ mod tests {
     use std::collections::BTreeMap;
 
     use credence_types::{Category, FrameTruth, Pose};
+    use serde_json::json;
 
     use super::*;
 
@@ -141,6 +196,42 @@ mod tests {
             instances,
             [Instance::certain(0, vec![true, false, true], Category::Mug).unwrap()]
         );
+    }
+
+    fn chosen(config: &serde_json::Value) -> Result<ChosenSegmenter, PipelineError> {
+        ChosenSegmenter::new(&Config::from_json(&config.to_string()).unwrap(), None)
+    }
+
+    #[test]
+    fn networks_have_a_temperature_and_keep_to_the_least_score() {
+        let temperature = |config| chosen(&config).unwrap().temperature().unwrap();
+        for name in ["maskrcnn", "maskrcnn_rgbd"] {
+            assert!(temperature(json!({"segmenter": name})).unwrap() > 0.0);
+            let plain = json!({"segmenter": name, "segmentation": {"calibrated": false}});
+            assert_eq!(temperature(plain), Some(1.0));
+            let silent = json!({"segmenter": name, "segmentation": {"least_score": 1}});
+            let silent = chosen(&silent).unwrap();
+            assert_eq!(silent.segment(&frame(None)).unwrap(), []);
+        }
+        assert_eq!(temperature(json!({"segmenter": "oracle"})), None);
+    }
+
+    #[test]
+    fn weights_that_are_not_there_are_found_before_any_work() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("maskrcnn.safetensors");
+        let message = |name: &str| {
+            let config = json!({"segmenter": name, "segmentation": {"weights": path}});
+            chosen(&config).map(|_| ()).map_err(|err| err.to_string())
+        };
+        for damaged in [false, true] {
+            for name in ["maskrcnn", "maskrcnn_rgbd"] {
+                let refused = message(name).unwrap_err();
+                assert!(refused.contains("maskrcnn.safetensors"), "{refused}");
+            }
+            assert_eq!(message("oracle"), Ok(()), "which has no weights, {damaged}");
+            std::fs::write(&path, b"no weights").unwrap();
+        }
     }
 
     #[test]

@@ -28,6 +28,13 @@ impl PySegmenter {
         self.0.choice().to_string()
     }
 
+    /// What a network's logits are divided by to make its scores probabilities; None of others.
+    #[getter]
+    fn temperature(&self, py: Python<'_>) -> PyResult<Option<f64>> {
+        py.detach(|| self.0.temperature())
+            .map_err(|err| to_python(&err))
+    }
+
     /// Finds the objects in a frame.
     #[pyo3(signature = (
         *, rgb, depth_m, intrinsics, world_from_camera, instance_ids = None, categories = None

@@ -27,6 +27,8 @@ pub(crate) fn pipeline(py: Python<'_>, config: Config) -> PyResult<Pipeline> {
 pub(crate) fn segmenter(py: Python<'_>, config: &Config) -> PyResult<Option<Box<dyn Segmenter>>> {
     match &config.segmenter {
         SegmenterChoice::Python(named) => Ok(Some(Box::new(PythonSegmenter::import(py, named)?))),
-        SegmenterChoice::Oracle => Ok(None),
+        SegmenterChoice::MaskRcnn | SegmenterChoice::MaskRcnnRgbd | SegmenterChoice::Oracle => {
+            Ok(None)
+        }
     }
 }

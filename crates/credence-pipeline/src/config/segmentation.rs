@@ -10,13 +10,25 @@ pub enum SegmenterChoice {
     /// "oracle": the true masks that the simulator or the dataset delivers.
     #[default]
     Oracle,
+    /// "maskrcnn": the network that finds objects by colour alone.
+    MaskRcnn,
+    /// "`maskrcnn_rgbd`": the network that looks at depth too.
+    MaskRcnnRgbd,
     /// "python:module.function": a callable that Python imports.
     Python(PythonFunction),
 }
 
-named_or_python!(SegmenterChoice, "segmenter", [Oracle = "oracle"]);
+named_or_python!(
+    SegmenterChoice,
+    "segmenter",
+    [
+        MaskRcnn = "maskrcnn",
+        MaskRcnnRgbd = "maskrcnn_rgbd",
+        Oracle = "oracle"
+    ]
+);
 
-/// Settings of instance segmentation, for the segmenters that are networks.
+/// Settings of instance segmentation, for the segmenters that are networks of ours.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct SegmentationConfig {

@@ -199,7 +199,14 @@ fn segmenters_go_by_name_or_by_the_functions() {
         let text = serde_json::json!({ "segmenter": name }).to_string();
         Config::from_json(&text).map(|config| config.segmenter)
     };
-    assert_eq!(segmenter("oracle").unwrap(), SegmenterChoice::Oracle);
+    for (name, choice) in [
+        ("maskrcnn", SegmenterChoice::MaskRcnn),
+        ("maskrcnn_rgbd", SegmenterChoice::MaskRcnnRgbd),
+        ("oracle", SegmenterChoice::Oracle),
+    ] {
+        assert_eq!(choice.to_string(), name);
+        assert_eq!(segmenter(name).unwrap(), choice);
+    }
     let python = segmenter("python:tools.masks.find").unwrap();
     assert_eq!(python.to_string(), "python:tools.masks.find");
     let config = Config {
@@ -212,7 +219,9 @@ fn segmenters_go_by_name_or_by_the_functions() {
     );
     for name in ["orakel", "", "python:", "python:find", "tools.masks.find"] {
         let refused = segmenter(name).unwrap_err().to_string();
-        let expected = format!("configuration: segmenter is \"{name}\"; expected one of `oracle`");
+        let expected = format!(
+            "configuration: segmenter is \"{name}\"; expected one of `maskrcnn`, `maskrcnn_rgbd`, `oracle`"
+        );
         assert!(refused.contains(&expected), "{refused}");
         assert!(refused.contains("\"python:module.function\""), "{refused}");
     }

@@ -173,7 +173,8 @@ fn a_false_detection_in_one_view_steals_no_voxels() {
     };
     // A double of the object, a part of it and the object with all around it, each better than the
     // right detection.
-    let falses: [&dyn Fn(&View) -> Vec<bool>; 3] = [&|view| view.mask(0), &upper, &|view| {
+    type Masks<'a> = &'a dyn Fn(&View) -> Vec<bool>;
+    let falses: [Masks<'_>; 3] = [&|view| view.mask(0), &upper, &|view| {
         grown(&view.mask(0), 10)
     }];
     for (case, false_mask) in falses.iter().enumerate() {
