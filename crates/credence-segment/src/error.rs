@@ -12,6 +12,17 @@ pub enum SegmentError {
     /// Weights that cannot be read.
     #[error(transparent)]
     Network(#[from] NnError),
+    /// Weights with a temperature that makes no probabilities.
+    #[error(
+        "{name} has a temperature of {value}; it must be positive: train the network again with \
+         `credence-train segment`"
+    )]
+    Temperature {
+        /// The file.
+        name: String,
+        /// The offending value.
+        value: f32,
+    },
     /// A frame without true masks for the segmenter that delivers them.
     #[error(
         "segmenter = \"oracle\" needs true masks: pass instance_ids and categories with the \

@@ -162,21 +162,20 @@ impl Run<'_> {
             ("scenes", self.args.scene_count()),
             ("validation_scenes", validation.len()),
         ];
-        self.finish_with(outcome, &bytes, &data)
+        self.finish_with(outcome, &bytes, text(data))
     }
 
-    /// The same with the weights' bytes as given, and the numbers of what was trained and validated
-    /// on.
+    /// The same with the weights' bytes as given, and what is to be said of what was trained and
+    /// validated on.
     pub(crate) fn finish_with<N: Module>(
         self,
         outcome: Outcome<N>,
         bytes: &[u8],
-        numbers: &[(&str, usize)],
+        data: impl IntoIterator<Item = (String, String)>,
     ) -> Result<(), TrainError> {
         let args = self.args;
         weights::write_file(&args.out, bytes)?;
-        let text = |(key, number): &(&str, usize)| ((*key).to_owned(), number.to_string());
-        let mut data: BTreeMap<String, String> = numbers.iter().map(text).collect();
+        let mut data: BTreeMap<String, String> = data.into_iter().collect();
         for (key, folder) in self.folders.iter().zip([&args.meshes, &args.validation]) {
             data.insert((*key).to_owned(), folder.display().to_string());
         }
@@ -195,6 +194,11 @@ impl Run<'_> {
         show(&provenance.figures);
         Ok(())
     }
+}
+
+/// Named numbers as a provenance's data.
+pub(crate) fn text<const N: usize>(numbers: [(&str, usize); N]) -> [(String, String); N] {
+    numbers.map(|(key, number)| (key.to_owned(), number.to_string()))
 }
 
 /// Opens a folder of scenes, with those that are missing generated first.

@@ -62,6 +62,16 @@ pub enum TrainError {
         /// What is wrong with it.
         why: String,
     },
+    /// A picture that a folder does not hold.
+    #[error(
+        "there is no picture {index}; the folder holds pictures 0 to {count}, the end excluded"
+    )]
+    PictureIndex {
+        /// The picture.
+        index: usize,
+        /// Number of pictures.
+        count: usize,
+    },
     /// A scene that a cache does not hold.
     #[error("there is no scene {index}; the cache holds scenes 0 to {count}, the end excluded")]
     SceneIndex {

@@ -1,8 +1,9 @@
+use credence_nn::rgbd::{HEIGHT, WIDTH};
 use credence_types::{Frame, Instance, Point};
 
 use super::{
     detect::Detection,
-    image::{CENTRE, FOCAL_PX, HEIGHT, WIDTH, sources},
+    image::{CENTRE, FOCAL_PX, sources},
 };
 
 /// Pixels of a side of the squares that silhouettes are compared by: 2,048 points leave no holes.

@@ -9,7 +9,7 @@ use super::{
     associate::associate,
     autoencoder::AutoEncoder,
     detect::{CenterSnap, Detection},
-    image::NetworkImage,
+    image::of_frame,
     network::CenterSnapNetwork,
 };
 use crate::{
@@ -55,7 +55,7 @@ impl CenterSnap {
     /// # Errors
     /// None that a CPU gives.
     pub fn detect(&self, frame: &Frame) -> Result<Vec<Detection>, CompleteError> {
-        self.detections(&self.look(&NetworkImage::of_frame(frame))?)
+        self.detections(&self.look(&of_frame(frame))?)
     }
 }
 

@@ -1,5 +1,5 @@
 use burn::tensor::{Device, Tensor, TensorData};
-use credence_nn::{knn::Neighbours, read};
+use credence_nn::{knn::Neighbours, read, rgbd::RgbdImage};
 use credence_types::{Category, Point, stream};
 use nalgebra::{Matrix3, Vector3};
 use rand::{Rng, RngExt as _};
@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::{
     autoencoder::{AutoEncoder, DECODED_POINTS, LATENT},
-    image::{CELLS, NetworkImage},
+    image::{CELLS, anchors},
     network::{CATEGORIES, CenterSnapNetwork, ImageBatch, StatisticValues},
     pose::{Anchor, ObjectPose, POSE},
 };
@@ -78,7 +78,7 @@ impl CenterSnap {
     ///
     /// # Errors
     /// None that a CPU gives.
-    pub fn look(&self, image: &NetworkImage) -> Result<Vec<Told>, CompleteError> {
+    pub fn look(&self, image: &RgbdImage) -> Result<Vec<Told>, CompleteError> {
         let batch = ImageBatch::new(std::slice::from_ref(image), &self.device);
         let cells = self.network.forward(&batch);
         let heat = read(cells.heat)?;
@@ -92,7 +92,7 @@ impl CenterSnap {
         let (latents, poses) = (read(latents)?, read(poses)?);
         let latents = latents.as_chunks::<LATENT>().0.iter();
         let mut answers = latents.zip(poses.as_chunks::<POSE>().0);
-        let anchors = image.anchors();
+        let anchors = anchors(image);
         Ok(peaks
             .iter()
             .zip(&voters)

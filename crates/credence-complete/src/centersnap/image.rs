@@ -1,21 +1,20 @@
-//! What the network sees: any camera's frame as that of one camera, in rows.
+//! What the network sees: any camera's frame as that of one camera.
 
-use credence_nn::conv::Grid;
+use credence_nn::{
+    conv::Grid,
+    rgbd::{HEIGHT, RgbdImage, WIDTH},
+};
 use credence_types::{Frame, Point};
 
 use super::pose::Anchor;
 
-/// The camera of the network: every second pixel of 640x480 at a focal length of 616 px.
-pub(super) const WIDTH: usize = 320;
-/// Rows of the network's camera.
-pub(super) const HEIGHT: usize = 240;
-/// Its focal length, pixels.
+/// Focal length of the network's camera, pixels: every second pixel of 640x480 at one of 616 px.
 pub(super) const FOCAL_PX: f64 = 308.0;
 /// Its principal point, pixels.
 pub(super) const CENTRE: [f64; 2] = [159.75, 119.75];
 
 /// Pixels of a side of the blocks that the stems take in as one row.
-const BLOCK: usize = 4;
+pub const BLOCK: usize = 4;
 /// Pixels between the cells at which objects are told.
 pub const STRIDE: usize = 8;
 /// Cells across and down.
@@ -24,95 +23,32 @@ pub const CELLS: [usize; 2] = [WIDTH / STRIDE, HEIGHT / STRIDE];
 /// Numbers of a block: three channels of colour, or of depth.
 pub(super) const BLOCK_VALUES: usize = 3 * BLOCK * BLOCK;
 
-/// Middle and spread of the depths that are common on a table, metres.
-const DEPTH_M: [f32; 2] = [0.5, 0.2];
-/// Side of the squares whose mean depth relief is measured from, and its unit, metres.
-const RELIEF_PX: usize = 16;
-const RELIEF_M: f32 = 0.02;
-/// Relief beyond this many units is an edge, however deep.
-const MOST_RELIEF: f32 = 3.0;
+/// Depth of an image without any, metres.
+const COMMON_DEPTH_M: f32 = 0.5;
 
-/// Colour of what the frame does not show.
-const UNSEEN: [u8; 3] = [127; 3];
-
-/// A picture by the network's camera, row-major.
-#[derive(Debug, Clone, PartialEq)]
-pub struct NetworkImage {
-    /// Colour.
-    pub rgb: Vec<[u8; 3]>,
-    /// Depth, metres; NaN where nothing was measured.
-    pub depth_m: Vec<f32>,
+/// A frame as the network's camera would show it, by the nearest pixel; what lies beyond the
+/// frame's border is unseen.
+pub(super) fn of_frame(frame: &Frame) -> RgbdImage {
+    RgbdImage::of_pixels(frame.rgb(), frame.depth_m(), sources(frame))
 }
 
-impl NetworkImage {
-    /// A frame as the network's camera would show it, by the nearest pixel; what lies beyond the
-    /// frame's border is unseen.
-    pub fn of_frame(frame: &Frame) -> Self {
-        let (rgb, depth_m) = sources(frame)
-            .map(|source| match source {
-                Some(pixel) => (frame.rgb()[pixel], frame.depth_m()[pixel]),
-                None => (UNSEEN, f32::NAN),
-            })
-            .unzip();
-        Self { rgb, depth_m }
+/// The place of each cell of an image, row by row: its middle, and the median depth of its pixels,
+/// or, if they have none, of the whole image.
+pub fn anchors(image: &RgbdImage) -> Vec<Anchor> {
+    let all = median(image.depth_m.clone()).unwrap_or(COMMON_DEPTH_M);
+    let [across, down] = CELLS;
+    let mut anchors = Vec::with_capacity(across * down);
+    for cell in 0..across * down {
+        let [left, top] = [cell % across * STRIDE, cell / across * STRIDE];
+        let rows = (top..top + STRIDE).map(|row| row * WIDTH + left);
+        let depths = rows.flat_map(|start| &image.depth_m[start..start + STRIDE]);
+        let depth = median(depths.copied().collect()).unwrap_or(all);
+        anchors.push(Anchor {
+            pixel: [left, top].map(|first| first as f64 + (STRIDE - 1) as f64 / 2.0),
+            depth_m: f64::from(depth),
+        });
     }
-
-    /// Rows of the stem for colour, one for each block of 4x4 pixels.
-    pub fn colour_rows(&self) -> Vec<f32> {
-        blocks(|pixel| self.rgb[pixel].map(|c| f32::from(c) / 64.0 - 2.0))
-    }
-
-    /// Rows of the stem for depth: depth, whether there is one, and relief.
-    pub fn depth_rows(&self) -> Vec<f32> {
-        let means = self.mean_depths();
-        blocks(|pixel| {
-            let depth = self.depth_m[pixel];
-            if depth.is_nan() {
-                return [0.0; 3];
-            }
-            let (column, row) = (pixel % WIDTH, pixel / WIDTH);
-            let mean = means[row / RELIEF_PX * WIDTH.div_ceil(RELIEF_PX) + column / RELIEF_PX];
-            let relief = (depth - mean) / RELIEF_M;
-            // A frame may hold any positive depth.
-            let depth = ((depth - DEPTH_M[0]) / DEPTH_M[1]).clamp(-5.0, 20.0);
-            [depth, 1.0, relief.clamp(-MOST_RELIEF, MOST_RELIEF)]
-        })
-    }
-
-    /// The place of each cell, row by row: its middle, and the median depth of its pixels, or, if
-    /// they have none, of the whole image.
-    pub fn anchors(&self) -> Vec<Anchor> {
-        let all = median(self.depth_m.clone()).unwrap_or(DEPTH_M[0]);
-        let [across, down] = CELLS;
-        let mut anchors = Vec::with_capacity(across * down);
-        for cell in 0..across * down {
-            let [left, top] = [cell % across * STRIDE, cell / across * STRIDE];
-            let rows = (top..top + STRIDE).map(|row| row * WIDTH + left);
-            let depths = rows.flat_map(|start| &self.depth_m[start..start + STRIDE]);
-            let depth = median(depths.copied().collect()).unwrap_or(all);
-            anchors.push(Anchor {
-                pixel: [left, top].map(|first| first as f64 + (STRIDE - 1) as f64 / 2.0),
-                depth_m: f64::from(depth),
-            });
-        }
-        anchors
-    }
-
-    /// Mean depth of each square of 16x16 pixels; 0 without any.
-    fn mean_depths(&self) -> Vec<f32> {
-        let across = WIDTH.div_ceil(RELIEF_PX);
-        let mut sums = vec![(0.0_f32, 0.0_f32); across * HEIGHT.div_ceil(RELIEF_PX)];
-        for (row, depths) in self.depth_m.chunks_exact(WIDTH).enumerate() {
-            for (column, depth) in depths.iter().enumerate().filter(|(_, d)| !d.is_nan()) {
-                let (sum, count) = &mut sums[row / RELIEF_PX * across + column / RELIEF_PX];
-                *sum += depth;
-                *count += 1.0;
-            }
-        }
-        sums.iter()
-            .map(|(sum, count)| sum / count.max(1.0))
-            .collect()
-    }
+    anchors
 }
 
 /// The frame's pixel that each pixel of the network's camera shows; `None` beyond the frame.
@@ -139,21 +75,6 @@ pub(super) const fn stem_grid(images: usize) -> Grid {
     }
 }
 
-/// Blocks of 4x4 pixels, row by row; within each pixel by pixel.
-fn blocks(values: impl Fn(usize) -> [f32; 3]) -> Vec<f32> {
-    let mut rows = Vec::with_capacity(3 * WIDTH * HEIGHT);
-    for top in (0..HEIGHT).step_by(BLOCK) {
-        for left in (0..WIDTH).step_by(BLOCK) {
-            for row in top..top + BLOCK {
-                for column in left..left + BLOCK {
-                    rows.extend(values(row * WIDTH + column));
-                }
-            }
-        }
-    }
-    rows
-}
-
 /// The middle one of the numbers among these values, the lower of two.
 fn median(mut values: Vec<f32>) -> Option<f32> {
     values.retain(|v| !v.is_nan());
@@ -168,8 +89,8 @@ mod tests {
 
     use super::*;
 
-    fn image(depth_m: f32) -> NetworkImage {
-        NetworkImage {
+    fn image(depth_m: f32) -> RgbdImage {
+        RgbdImage {
             rgb: vec![[0, 64, 128]; WIDTH * HEIGHT],
             depth_m: vec![depth_m; WIDTH * HEIGHT],
         }
@@ -182,7 +103,7 @@ mod tests {
         let mut depth_m = vec![0.5; 640 * 480];
         depth_m[2] = f32::NAN;
         let frame = Frame::new(rgb.collect(), depth_m, camera, Pose::identity(), None).unwrap();
-        let image = NetworkImage::of_frame(&frame);
+        let image = of_frame(&frame);
         assert_eq!(image.rgb[0], [0, 0, 0]);
         assert_eq!(image.rgb[WIDTH + 3], [6, 2, 0]);
         assert_eq!(
@@ -203,22 +124,22 @@ mod tests {
             Pose::identity(),
             None,
         );
-        let image = NetworkImage::of_frame(&frame.unwrap());
+        let image = of_frame(&frame.unwrap());
         let seen = image.depth_m.iter().filter(|d| !d.is_nan()).count();
         assert_eq!(seen, 160 * 120);
-        assert_eq!(image.rgb[0], UNSEEN);
+        assert_eq!(image.rgb[0], [127; 3]);
         assert_eq!(image.rgb[120 * WIDTH + 160], [9; 3]);
     }
 
     #[test]
-    fn rows_and_anchors_by_hand() {
+    fn anchors_by_hand() {
         let mut image = image(0.7);
         // The second cell: half its pixels nearer, and one without depth.
         for row in 0..8 {
             image.depth_m[row * WIDTH + 8..row * WIDTH + 12].fill(0.5);
         }
         image.depth_m[12] = f32::NAN;
-        let anchors = image.anchors();
+        let anchors = anchors(&image);
         assert_eq!(anchors.len(), 40 * 30);
         assert_eq!(
             anchors[0],
@@ -229,25 +150,11 @@ mod tests {
         );
         assert_eq!(anchors[41].pixel, [11.5, 11.5]);
         assert!((anchors[1].depth_m - 0.5).abs() < 1e-6);
-
-        let colour = image.colour_rows();
-        assert_eq!(
-            (colour.len(), &colour[..3]),
-            (4800 * 48, &[-2.0, -1.0, 0.0][..])
-        );
-        let depth = image.depth_rows();
-        assert_eq!(depth.len(), 4800 * BLOCK_VALUES);
-        // Pixel (12, 0) is the first of the fourth block; (8, 0) of the third, nearer than the mean.
-        assert_eq!(depth[3 * 48..3 * 48 + 3], [0.0; 3]);
-        assert!(depth[2 * 48] == 0.0 && depth[2 * 48 + 2] < -1.0);
-        let flat = self::image(0.7).depth_rows();
-        assert!((flat[0] - 1.0).abs() < 1e-6 && flat[1] == 1.0 && flat[2].abs() < 1e-3);
     }
 
     #[test]
     fn without_any_depth_the_places_are_at_a_common_one() {
         let image = image(f32::NAN);
-        assert!(image.anchors().iter().all(|a| a.depth_m == 0.5));
-        assert!(image.depth_rows().iter().all(|v| *v == 0.0));
+        assert!(anchors(&image).iter().all(|a| a.depth_m == 0.5));
     }
 }

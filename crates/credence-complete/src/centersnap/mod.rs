@@ -19,6 +19,6 @@ mod pose;
 
 pub use autoencoder::{AutoEncoder, DECODED_POINTS, LATENT};
 pub use detect::{CenterSnap, Detection, Told};
-pub use image::{CELLS, NetworkImage, STRIDE};
+pub use image::{BLOCK, CELLS, STRIDE, anchors};
 pub use network::{Cells, CenterSnapNetwork, ImageBatch, StatisticValues, Statistics};
 pub use pose::{Anchor, ObjectPose, POSE, facing, has_front};

@@ -6,12 +6,13 @@ use burn::{
 use credence_nn::{
     Mlp,
     conv::{Block, Grid, Layer, enlarge},
+    rgbd::RgbdImage,
 };
 use credence_types::Category;
 
 use super::{
     autoencoder::LATENT,
-    image::{BLOCK_VALUES, NetworkImage, stem_grid},
+    image::{BLOCK, BLOCK_VALUES, stem_grid},
     pose::POSE,
 };
 
@@ -68,9 +69,9 @@ pub struct ImageBatch {
 
 impl ImageBatch {
     /// Images side by side.
-    pub fn new(images: &[NetworkImage], device: &Device) -> Self {
-        let colour = images.iter().map(NetworkImage::colour_rows).collect();
-        let depth = images.iter().map(NetworkImage::depth_rows).collect();
+    pub fn new(images: &[RgbdImage], device: &Device) -> Self {
+        let colour = images.iter().map(|i| i.colour_rows(BLOCK)).collect();
+        let depth = images.iter().map(|i| i.depth_rows(BLOCK)).collect();
         Self::of_rows(colour, depth, device)
     }
 

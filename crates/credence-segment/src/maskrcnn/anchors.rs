@@ -122,6 +122,17 @@ mod tests {
     }
 
     #[test]
+    fn a_cells_centre_is_the_cell_again() {
+        for (level, stride) in STRIDES.into_iter().enumerate() {
+            for cell in [0, 3, 7] {
+                assert_eq!(to_cells(centre(cell, stride), level), cell as f32);
+            }
+        }
+        // The second cell of stride 4 is the third of the stems' blocks: pixels 4 and 5.
+        assert_eq!(centre(1, 4), 4.5);
+    }
+
+    #[test]
     fn rows_go_level_by_level_then_image_by_image() {
         let anchors = Anchors::new();
         let rows = |anchor| [0, 1].map(|image| anchors.row(anchor, image, 2));

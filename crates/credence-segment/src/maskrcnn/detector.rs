@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::{
     anchors::Anchors,
-    boxes::{Edges, clip, decode},
+    boxes::{Edges, clip, decode, sides},
     detection::{Detection, best, without_doubles},
     letterbox::Letterbox,
     network::{
@@ -29,6 +29,8 @@ pub const LEAST_TOLD: f64 = 0.05;
 const REGIONS: usize = 60;
 /// Boxes that overlap a better one by more are dropped; masks decide about the others.
 const OVERLAP: f32 = 0.7;
+/// Least side of a box, pixels.
+const LEAST_SIDE: f32 = 1.0;
 /// Most detections of an image.
 const MOST_DETECTIONS: usize = 20;
 
@@ -53,7 +55,8 @@ pub struct MaskRcnn {
 }
 
 impl MaskRcnn {
-    /// A network at hand, which records no gradients; it keeps every detection that it tells of.
+    /// A network at hand, which records no gradients; it keeps every detection with a score of at
+    /// least [`LEAST_TOLD`].
     pub fn new(network: MaskRcnnNetwork, input: Input) -> Self {
         let [colour, both] = network.temperatures();
         Self {
@@ -77,7 +80,7 @@ impl MaskRcnn {
         let network = MaskRcnnNetwork::new(&Device::flex());
         let name = "the built-in maskrcnn.safetensors";
         let network = weights::from_bytes(network, WEIGHTS.to_vec(), name)?;
-        Ok(Self::new(network, input))
+        Self::checked(network, input, name)
     }
 
     /// The network whose weights are in a file.
@@ -86,10 +89,20 @@ impl MaskRcnn {
     /// A file that is missing, damaged, or holds another network's weights.
     pub fn from_file(path: &Path, input: Input) -> Result<Self, SegmentError> {
         let network = weights::load(MaskRcnnNetwork::new(&Device::flex()), path)?;
-        Ok(Self::new(network, input))
+        Self::checked(network, input, &path.display().to_string())
     }
 
-    /// The same, silent about detections with a lower score.
+    fn checked(network: MaskRcnnNetwork, input: Input, name: &str) -> Result<Self, SegmentError> {
+        match network.temperatures().into_iter().find(|t| *t <= 0.0) {
+            None => Ok(Self::new(network, input)),
+            Some(value) => Err(SegmentError::Temperature {
+                name: name.to_owned(),
+                value,
+            }),
+        }
+    }
+
+    /// The same, silent about detections with a lower score than this, or than [`LEAST_TOLD`].
     #[must_use]
     pub const fn with_least_score(mut self, score: f64) -> Self {
         self.least_score = score;
@@ -149,7 +162,9 @@ impl MaskRcnn {
                 let edges = clip(decode(region.edges, *told, REGION_UNIT));
                 (edges, softmax(logits, self.temperature))
             })
-            .filter(|(_, classes)| best(classes).1 >= least)
+            .filter(|(edges, classes)| {
+                best(classes).1 >= least && sides(*edges).iter().all(|side| *side >= LEAST_SIDE)
+            })
             .unzip();
         let scores: Vec<f32> = found.iter().map(|classes| best(classes).1 as f32).collect();
         let kept = nms::nms(&edges, &scores, OVERLAP).into_iter();
@@ -165,27 +180,37 @@ impl MaskRcnn {
         pyramid: &Pyramid,
         found: Vec<(Edges, [f64; CLASSES])>,
     ) -> Result<Vec<Detection>, SegmentError> {
-        let region = |edges| Region { image: 0, edges };
-        let mut regions: Vec<Region> = found.iter().map(|(edges, _)| region(*edges)).collect();
-        in_order(&mut regions);
+        // Those of one level together, as the head takes them.
+        let region = |place: &usize| Region {
+            image: 0,
+            edges: found[*place].0,
+        };
+        let mut order: Vec<usize> = (0..found.len()).collect();
+        order.sort_by_key(|place| region(place).level());
+        let regions: Vec<Region> = order.iter().map(region).collect();
         let logits = read(self.network.masks(pyramid, &regions))?;
         let values = logits.len() / regions.len();
-        let detections = found.into_iter().map(|(edges, classes)| {
-            let (category, _) = best(&classes);
-            let place = regions.iter().position(|r| r.edges == edges).unwrap_or(0);
-            let logits = &logits[place * values..][..values];
-            let channel = usize::from(category.class()) - 1;
-            let mask = (0..MASK_SIDE * MASK_SIDE).map(|at| {
-                let row = mask_row(at / MASK_SIDE, at % MASK_SIDE);
-                let logit = logits[row * (CLASSES - 1) + channel];
-                1.0 / (1.0 + (-logit).exp())
+        let mut of_each: Vec<&[f32]> = vec![&[]; found.len()];
+        for (place, logits) in order.iter().zip(logits.chunks_exact(values)) {
+            of_each[*place] = logits;
+        }
+        let detections = found
+            .into_iter()
+            .zip(of_each)
+            .map(|((edges, classes), logits)| {
+                let (category, _) = best(&classes);
+                let channel = usize::from(category.class()) - 1;
+                let mask = (0..MASK_SIDE * MASK_SIDE).map(|at| {
+                    let row = mask_row(at / MASK_SIDE, at % MASK_SIDE);
+                    let logit = logits[row * (CLASSES - 1) + channel];
+                    1.0 / (1.0 + (-logit).exp())
+                });
+                Detection {
+                    edges,
+                    classes,
+                    mask: mask.collect(),
+                }
             });
-            Detection {
-                edges,
-                classes,
-                mask: mask.collect(),
-            }
-        });
         Ok(detections.collect())
     }
 }
@@ -194,14 +219,12 @@ impl Segmenter for MaskRcnn {
     fn segment(&self, frame: &Frame) -> Result<Vec<Instance>, SegmentError> {
         let letterbox = Letterbox::of(frame);
         let detections = self.look(&letterbox.image(frame))?;
-        let pasted: Vec<(Detection, Vec<bool>)> = detections
-            .into_par_iter()
-            .map(|detection| {
-                let mask = detection.paste(&letterbox);
-                (detection, mask)
-            })
-            .filter(|(_, mask)| mask.contains(&true))
-            .collect();
+        let paste = |detection: Detection| {
+            let mask = detection.paste(&letterbox);
+            // A frame smaller than the network's image may have no pixel of it.
+            mask.contains(&true).then_some((detection, mask))
+        };
+        let pasted: Vec<_> = detections.into_par_iter().filter_map(paste).collect();
         pasted
             .into_iter()
             .enumerate()
@@ -225,7 +248,7 @@ pub fn softmax(logits: &[f32; CLASSES], temperature: f64) -> [f64; CLASSES] {
 
 #[cfg(test)]
 mod tests {
-    use credence_nn::{rgbd, seed_parameters};
+    use credence_nn::seed_parameters;
     use credence_types::{Intrinsics, Pose, stream};
 
     use super::*;
@@ -305,16 +328,28 @@ mod tests {
             "{}",
             message(Input::Colour)
         );
+        let cold = untrained().with_temperatures([0.0, 1.0], &Device::flex());
+        weights::save(&cold, &path).unwrap();
+        assert!(
+            message(Input::Colour).contains("a temperature of 0"),
+            "{}",
+            message(Input::Colour)
+        );
         std::fs::write(&path, b"no weights").unwrap();
         assert!(message(Input::ColourAndDepth).contains("maskrcnn.safetensors"));
-        let image = RgbdImage {
-            rgb: vec![[0; 3]; rgbd::WIDTH * rgbd::HEIGHT],
-            depth_m: vec![f32::NAN; rgbd::WIDTH * rgbd::HEIGHT],
-        };
-        assert!(
-            MaskRcnn::new(untrained(), Input::Colour)
-                .look(&image)
-                .is_ok()
-        );
+    }
+
+    #[test]
+    fn frames_of_any_size_are_looked_at() {
+        let segmenter = MaskRcnn::new(untrained(), Input::ColourAndDepth);
+        for [width, height] in [[16, 16], [240, 320], [1000, 1000], [1280, 720]] {
+            let camera = Intrinsics::new([width, height], [300.0; 2], [8.0; 2]).unwrap();
+            let rgb = (0..width * height).map(|i| [(i % 255) as u8, (i / width % 255) as u8, 30]);
+            let depth = vec![0.5; width * height];
+            let frame = Frame::new(rgb.collect(), depth, camera, Pose::identity(), None).unwrap();
+            for instance in segmenter.segment(&frame).unwrap() {
+                assert_eq!(instance.mask().len(), width * height);
+            }
+        }
     }
 }

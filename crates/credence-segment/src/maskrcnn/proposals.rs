@@ -28,6 +28,8 @@ pub fn proposals(anchors: &Anchors, told: &[(f32, [f32; 4])], count: usize) -> V
             order.select_nth_unstable_by(PER_LEVEL - 1, best_first);
             order.truncate(PER_LEVEL);
         }
+        // Of equals the first in the image comes first.
+        order.sort_unstable_by(best_first);
         for anchor in order {
             let (score, deltas) = told[anchor];
             let region = clip(decode(anchors.edges()[anchor], deltas, ANCHOR_UNIT));

@@ -6,7 +6,7 @@ use credence_nn::{seed_parameters, weights};
 use credence_segment::maskrcnn::{Anchors, MaskRcnnNetwork};
 use credence_types::stream;
 
-use super::{calibrate::calibrate, pictures::PictureSet, task::SegmentTask};
+use super::{calibrate::calibrate, evaluate::evaluate, pictures::PictureSet, task::SegmentTask};
 use crate::{TrainError, command::RunArgs, run::train};
 
 /// What to train segmentation on, and where to put the weights.
@@ -69,19 +69,27 @@ impl SegmentArgs {
         let network = seed_parameters(network, &mut stream(self.seed, "train/segment/weights"));
         let mut outcome = train(&task, network, &run.plan(1000))?;
         // What is shipped is what is measured: in half precision.
-        let device = Device::flex();
-        let bytes = weights::to_half_bytes(&outcome.network)?;
-        let served = weights::from_bytes(MaskRcnnNetwork::new(&device), bytes, "these weights")?;
         let all = args.pick(task.validation.len() as u64, 4) as usize;
-        let (network, figures) = calibrate(&served, &task.validation, all)?;
-        outcome.figures = super::evaluate::evaluate(&network, &task.validation, all)?;
+        let (network, figures) = calibrate(&halved(&outcome.network)?, &task.validation, all)?;
+        outcome.network = halved(&network)?;
+        outcome.figures = evaluate(&outcome.network, &task.validation, all)?;
         outcome.figures.extend(figures);
-        outcome.network = network;
         let bytes = weights::to_half_bytes(&outcome.network)?;
-        let numbers = [
-            ("picture_count", task.pictures.len()),
-            ("validation_picture_count", all),
-        ];
-        run.finish_with(outcome, &bytes, &numbers)
+        let mut data = vec![("validation_picture_count_used".to_owned(), all.to_string())];
+        for (folder, set) in [
+            ("pictures", &task.pictures),
+            ("validation_pictures", &task.validation),
+        ] {
+            let rows = set.description().into_iter();
+            data.extend(rows.map(|(key, value)| (format!("{folder}_{key}"), value)));
+        }
+        run.finish_with(outcome, &bytes, data)
     }
+}
+
+/// The network as a file in half precision gives it back.
+fn halved(network: &MaskRcnnNetwork) -> Result<MaskRcnnNetwork, TrainError> {
+    let bytes = weights::to_half_bytes(network)?;
+    let empty = MaskRcnnNetwork::new(&Device::flex());
+    Ok(weights::from_bytes(empty, bytes, "these weights")?)
 }

@@ -120,7 +120,8 @@ pub(super) fn figure_names() -> Vec<String> {
 }
 
 /// Figures on pictures of meshes that the network has not seen, without and with depth: the mean
-/// over the categories of the average precision at a mask overlap of half; and, among detections
+/// over the categories of the average precision at a mask overlap of half, where a detection takes
+/// its object whatever category it says (COCO's takes one of its own); and, among detections
 /// that the map would take, the share of objects found and named rightly, the detections per
 /// picture that are of none, and the mean overlap of the right ones.
 ///

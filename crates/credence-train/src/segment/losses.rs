@@ -71,10 +71,19 @@ pub(super) fn losses(
     of_regions.sort_by_key(|target| target.region.level());
     let [class_loss, box_loss] = region_losses(network, &pyramid, &of_regions, device);
     let mask_loss = mask_loss(network, &pyramid, &of_regions, device);
-    let parts = [object_loss, proposal_loss, class_loss, box_loss, mask_loss];
-    let total = parts.iter().cloned().reduce(|sum, part| sum + part);
-    let [a, b, c, d, e] = parts;
-    Ok([total.unwrap_or_else(|| a.clone()), a, b, c, d, e])
+    let total = object_loss.clone()
+        + proposal_loss.clone()
+        + class_loss.clone()
+        + box_loss.clone()
+        + mask_loss.clone();
+    Ok([
+        total,
+        object_loss,
+        proposal_loss,
+        class_loss,
+        box_loss,
+        mask_loss,
+    ])
 }
 
 /// Objectness and box at the rows that are sampled.

@@ -37,15 +37,27 @@ pub(crate) struct LabelledPicture {
 #[derive(Debug)]
 pub(crate) struct PictureSet {
     shards: Vec<Shard>,
-    per_shard: usize,
-    count: usize,
+    manifest: Manifest,
 }
 
 #[derive(Debug, Deserialize)]
 struct Manifest {
     format: u64,
+    seed: u64,
     count: usize,
     pictures_per_shard: usize,
+    objects: Objects,
+    git: Git,
+}
+
+#[derive(Debug, Deserialize)]
+struct Objects {
+    sha256: String,
+}
+
+#[derive(Debug, Deserialize)]
+struct Git {
+    revision: Option<String>,
 }
 
 /// A file of pictures and where its tensors begin.
@@ -62,6 +74,13 @@ const TENSORS: [(&str, Dtype, usize); 4] = [
     ("instances", Dtype::U8, PIXELS),
     ("classes", Dtype::U8, MOST_OBJECTS),
 ];
+/// Shapes of a picture's part of them.
+const SHAPES: [&[usize]; TENSORS.len()] = [
+    &[HEIGHT, WIDTH, 3],
+    &[HEIGHT, WIDTH],
+    &[HEIGHT, WIDTH],
+    &[MOST_OBJECTS],
+];
 
 impl PictureSet {
     /// Opens a folder; every file's layout is checked.
@@ -77,14 +96,11 @@ impl PictureSet {
         let text = fs::read_to_string(&path).map_err(|error| refused(error.to_string()))?;
         let manifest: Manifest =
             serde_json::from_str(&text).map_err(|error| refused(error.to_string()))?;
-        let Manifest {
-            format,
-            count,
-            pictures_per_shard: per_shard,
-        } = manifest;
-        if format != FORMAT {
-            return Err(refused(format!("it has format {format}, not {FORMAT}")));
+        if manifest.format != FORMAT {
+            let found = manifest.format;
+            return Err(refused(format!("it has format {found}, not {FORMAT}")));
         }
+        let (count, per_shard) = (manifest.count, manifest.pictures_per_shard);
         if count == 0 || per_shard == 0 {
             return Err(refused("it tells of no pictures".to_owned()));
         }
@@ -97,14 +113,32 @@ impl PictureSet {
         });
         Ok(Self {
             shards: shards.collect::<Result<_, _>>()?,
-            per_shard,
-            count,
+            manifest,
         })
+    }
+
+    /// What the pictures are, for the provenance: their number, their seed, the hash of the meshes'
+    /// manifest, the revision that rendered them.
+    pub(crate) fn description(&self) -> [(&'static str, String); 4] {
+        let Manifest {
+            seed,
+            count,
+            objects,
+            git,
+            ..
+        } = &self.manifest;
+        let revision = git.revision.as_deref().unwrap_or("unknown");
+        [
+            ("count", count.to_string()),
+            ("seed", seed.to_string()),
+            ("meshes_sha256", objects.sha256.clone()),
+            ("git_revision", revision.to_owned()),
+        ]
     }
 
     /// Number of pictures.
     pub(crate) const fn len(&self) -> usize {
-        self.count
+        self.manifest.count
     }
 
     /// Reads a picture.
@@ -112,14 +146,12 @@ impl PictureSet {
     /// # Errors
     /// No such picture, a file that cannot be read, a category that is none.
     pub(crate) fn get(&self, index: usize) -> Result<LabelledPicture, TrainError> {
-        let shard = self.shards.get(index / self.per_shard);
+        let (count, per_shard) = (self.len(), self.manifest.pictures_per_shard);
+        let shard = self.shards.get(index / per_shard);
         let shard = shard
-            .filter(|_| index < self.count)
-            .ok_or(TrainError::SceneIndex {
-                index,
-                count: self.count,
-            })?;
-        shard.read(index % self.per_shard)
+            .filter(|_| index < count)
+            .ok_or(TrainError::PictureIndex { index, count })?;
+        shard.read(index % per_shard)
     }
 }
 
@@ -195,20 +227,20 @@ fn starts(path: &Path, pictures: usize) -> Result<[u64; TENSORS.len()], String> 
     let metadata: Metadata = serde_json::from_slice(&bytes).map_err(|e| e.to_string())?;
     let data = 8 + header;
     let mut starts = [0; TENSORS.len()];
-    for (start, (name, dtype, size)) in starts.iter_mut().zip(TENSORS) {
+    for ((start, (name, dtype, size)), shape) in starts.iter_mut().zip(TENSORS).zip(SHAPES) {
         let info = metadata
             .info(name)
             .ok_or_else(|| format!("it has no tensor '{name}'"))?;
+        let shape: Vec<usize> = [pictures].iter().chain(shape).copied().collect();
         let (from, to) = info.data_offsets;
-        if info.dtype != dtype || to.checked_sub(from) != Some(pictures * size) {
+        let bytes = pictures.checked_mul(size);
+        if info.dtype != dtype || info.shape != shape || to.checked_sub(from) != bytes {
             return Err(format!(
-                "its tensor '{name}' lies from {from} to {to} as {:?}; {pictures} pictures have \
-                 {} bytes as {dtype:?}",
-                info.dtype,
-                pictures * size
+                "its tensor '{name}' is {:?} of {:?}, not {shape:?} of {dtype:?}",
+                info.shape, info.dtype
             ));
         }
-        if data + to as u64 > length {
+        if data.checked_add(to as u64).is_none_or(|end| end > length) {
             return Err(format!("it ends before the end of its tensor '{name}'"));
         }
         *start = data + from as u64;
@@ -227,8 +259,10 @@ pub(super) mod tests {
     /// Writes a folder of pictures as the generator does, in files of two: on a plain table the
     /// `k`-th shows a square of 60 pixels, of category `k`, which gets darker from picture to picture.
     pub(in crate::segment) fn write(folder: &Path, count: usize) {
-        let manifest =
-            format!(r#"{{"format": 1, "seed": 0, "count": {count}, "pictures_per_shard": 2}}"#);
+        let manifest = format!(
+            r#"{{"format": 1, "seed": 7, "count": {count}, "pictures_per_shard": 2,
+                "objects": {{"folder": "train", "sha256": "ab12"}}, "git": {{"revision": null}}}}"#
+        );
         fs::write(folder.join("manifest.json"), manifest).unwrap();
         for first in (0..count).step_by(2) {
             let numbers: Vec<usize> = (first..(first + 2).min(count)).collect();
@@ -290,7 +324,7 @@ pub(super) mod tests {
             assert!((picture.image.depth_m[1] - 0.5).abs() < 1e-6);
         }
         let message = set.get(5).unwrap_err().to_string();
-        assert!(message.contains("there is no scene 5"), "{message}");
+        assert!(message.contains("there is no picture 5"), "{message}");
     }
 
     #[test]
@@ -317,7 +351,11 @@ pub(super) mod tests {
         }
         // A file of two pictures where one is told of.
         fs::copy(folder.path().join("shard-00000.safetensors"), &last).unwrap();
-        assert!(message().contains("1 pictures have"), "{}", message());
+        assert!(
+            message().contains("not [1, 240, 320, 3] of U8"),
+            "{}",
+            message()
+        );
         fs::remove_file(&last).unwrap();
         assert!(
             message().contains("harness training-pictures"),

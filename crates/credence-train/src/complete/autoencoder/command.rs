@@ -4,7 +4,12 @@ use credence_nn::{seed_parameters, weights};
 use credence_types::stream;
 
 use super::task::AutoEncoderTask;
-use crate::{TrainError, command::RunArgs, data::MeshSet, run::train};
+use crate::{
+    TrainError,
+    command::{RunArgs, text},
+    data::MeshSet,
+    run::train,
+};
 
 /// Trains the auto-encoder and writes its weights, in half precision: in single precision the last
 /// layer alone would be 25 MB.
@@ -30,5 +35,5 @@ pub(crate) fn run(args: &RunArgs, steps: Option<u64>) -> Result<(), TrainError> 
         ("mesh_count", task.meshes.len()),
         ("validation_mesh_count", task.validation.len()),
     ];
-    run.finish_with(outcome, &bytes, &numbers)
+    run.finish_with(outcome, &bytes, text(numbers))
 }

@@ -8,7 +8,12 @@ use super::{
     task::CenterSnapTask,
     truth::Shapes,
 };
-use crate::{TrainError, command::RunArgs, data::MeshSet, run::train};
+use crate::{
+    TrainError,
+    command::{RunArgs, text},
+    data::MeshSet,
+    run::train,
+};
 
 /// Trains the network on pictures of the meshes, measures its errors and writes its weights. The
 /// auto-encoder's weights lie beside them: its latents are what the network learns.
@@ -50,5 +55,5 @@ pub(crate) fn run(args: &RunArgs, steps: Option<u64>) -> Result<(), TrainError> 
         ("validation_mesh_count", task.validation.len()),
         ("validation_pictures", task.trials),
     ];
-    run.finish_with(outcome, &bytes, &numbers)
+    run.finish_with(outcome, &bytes, text(numbers))
 }

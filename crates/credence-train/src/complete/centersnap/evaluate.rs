@@ -1,8 +1,8 @@
 use credence_complete::centersnap::{
-    AutoEncoder, CenterSnap, CenterSnapNetwork, DECODED_POINTS, Detection, NetworkImage,
-    ObjectPose, Told, has_front,
+    AutoEncoder, CenterSnap, CenterSnapNetwork, DECODED_POINTS, Detection, ObjectPose, Told,
+    has_front,
 };
-use credence_nn::knn;
+use credence_nn::{knn, rgbd::RgbdImage};
 use credence_types::{Category, Point, stream};
 use nalgebra::Matrix3;
 use rand::Rng;
@@ -47,7 +47,7 @@ impl<'a> Trial<'a> {
             .map(|number| {
                 let mut rng = stream(1, &format!("{}/{number}", self.purpose));
                 let picture = Picture::draw(self.meshes, &mut rng)?;
-                let image = NetworkImage {
+                let image = RgbdImage {
                     rgb: picture.rgb,
                     depth_m: picture.depth_m,
                 };

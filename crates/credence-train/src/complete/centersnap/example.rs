@@ -1,4 +1,5 @@
-use credence_complete::centersnap::{Anchor, CELLS, LATENT, NetworkImage, POSE, STRIDE};
+use credence_complete::centersnap::{Anchor, BLOCK, CELLS, LATENT, POSE, STRIDE, anchors};
+use credence_nn::rgbd::RgbdImage;
 use credence_types::Category;
 use rand::Rng;
 
@@ -52,11 +53,11 @@ impl Example {
             })
             .collect();
         let told: Vec<Shown<'_>> = picture.objects.iter().copied().filter(is_told).collect();
-        let image = NetworkImage {
+        let image = RgbdImage {
             rgb: picture.rgb,
             depth_m: picture.depth_m,
         };
-        let anchors = image.anchors();
+        let anchors = anchors(&image);
         let (heat, warm) = heat(&told, &anchors);
         let latents = told.iter().map(|object| {
             let (_, turn) = pose(object);
@@ -68,8 +69,8 @@ impl Example {
             warm,
             seen_depth,
             segments,
-            colour: image.colour_rows(),
-            depth: image.depth_rows(),
+            colour: image.colour_rows(BLOCK),
+            depth: image.depth_rows(BLOCK),
         }
     }
 }
