@@ -58,7 +58,7 @@ MUG = 6
 
 
 def mapped(**settings: Any) -> Pipeline:
-    pipeline = Pipeline(json.dumps({"training": {"points": 100} | settings}))
+    pipeline = Pipeline(json.dumps({"segmenter": "oracle", "training": {"points": 100} | settings}))
     assert pipeline.add_frame(**frame()) == [1]
     return pipeline
 
@@ -166,7 +166,7 @@ def test_a_frame_is_refused_and_the_map_stays_as_it_was(
 )
 def test_what_is_no_number_or_array_is_named(change: dict[str, Any], message: str) -> None:
     with pytest.raises(TypeError) as caught:
-        Pipeline().add_frame(**frame(**change))
+        Pipeline('{"segmenter": "oracle"}').add_frame(**frame(**change))
     assert message in str(caught.value)
 
 
@@ -184,7 +184,7 @@ GP: dict[str, Any] = {
 
 
 def test_an_empty_mask_maps_no_object() -> None:
-    pipeline = Pipeline()
+    pipeline = Pipeline('{"segmenter": "oracle"}')
     assert pipeline.add_frame(**frame(instance_ids=np.zeros((48, 64), dtype=np.uint16))) == []
     assert pipeline.objects() == []
     assert len(pipeline.voxels().classes) > 0
@@ -195,7 +195,7 @@ def test_an_empty_mask_maps_no_object() -> None:
 def test_a_mask_without_depth_maps_no_object() -> None:
     depth_m = frame()["depth_m"]
     depth_m[16:32, 20:44] = np.nan
-    pipeline = Pipeline()
+    pipeline = Pipeline('{"segmenter": "oracle"}')
     assert pipeline.add_frame(**frame(depth_m=depth_m)) == [None]
     assert pipeline.objects() == []
 
@@ -287,7 +287,7 @@ def test_only_annotating_writes_confidences_and_it_writes_all_or_none() -> None:
 
 
 def test_a_fit_without_iterations_has_not_converged() -> None:
-    pipeline = Pipeline(json.dumps({"gp": {"fit_iterations": 0}}))
+    pipeline = Pipeline(json.dumps({"segmenter": "oracle", "gp": {"fit_iterations": 0}}))
     pipeline.add_frame(**frame())
     predictions = classify(pipeline, two_heaps(copies=5), np.zeros((1, 3)))
     assert (predictions.fits_unconverged, predictions.fits_at_bound) == (2, 0)

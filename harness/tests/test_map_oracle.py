@@ -211,7 +211,7 @@ def test_an_empty_map_is_a_file_too(tmp_path: Path) -> None:
 
 
 def test_an_object_is_a_ply_that_trimesh_reads(tmp_path: Path) -> None:
-    pipeline = Pipeline()
+    pipeline = Pipeline('{"segmenter": "oracle"}')
     pipeline.add_frame(**frame())
     mapped = pipeline.objects()[0]
     mapped.write_ply(tmp_path / "mug.ply")

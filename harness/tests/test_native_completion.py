@@ -152,7 +152,9 @@ def recorded(**frame: Any) -> Answer:
 def config(function: Callable[..., object] | str, **completion: Any) -> str:
     name = function if isinstance(function, str) else f"{HERE}.{function.__name__}"
     settings = {"refine": False} | completion
-    return json.dumps({"completer": f"python:{name}", "completion": settings})
+    return json.dumps(
+        {"segmenter": "oracle", "completer": f"python:{name}", "completion": settings}
+    )
 
 
 def mapped(function: Callable[..., object], **completion: Any) -> Pipeline:
@@ -247,7 +249,7 @@ def test_an_object_that_is_not_completed_says_why() -> None:
     assert pipeline.completion(1) is None
     assert pipeline.view_completions(1) == []
     assert pipeline.uncompleted(1) == f"python:{HERE}.nothing returned None for it"
-    without = Pipeline('{"completer": "none"}')
+    without = Pipeline('{"segmenter": "oracle", "completer": "none"}')
     without.add_frame(**frame())
     assert without.completer == "none"
     assert without.completion(1) is None

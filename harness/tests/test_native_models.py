@@ -23,7 +23,7 @@ PROCESSES = ("classic", "classic_tuned", "metric_literal", "metric")
 
 def mapped(**settings: Any) -> Pipeline:
     small = {"training": {"points": 200}, "gp": {"fit_points": 60}}
-    pipeline = Pipeline(json.dumps(small | settings))
+    pipeline = Pipeline(json.dumps({"segmenter": "oracle"} | small | settings))
     assert pipeline.add_frame(**frame()) == [1]
     return pipeline
 
@@ -248,7 +248,9 @@ def test_the_same_frames_and_seed_give_the_same_bits(model: str) -> None:
 
 @pytest.mark.parametrize("model", MODELS)
 def test_an_object_of_the_wrong_category_gets_sound_numbers(model: str) -> None:
-    pipeline = Pipeline(json.dumps({"training": {"points": 200}, "gp": {"fit_points": 60}}))
+    pipeline = Pipeline(
+        json.dumps({"segmenter": "oracle", "training": {"points": 200}, "gp": {"fit_points": 60}})
+    )
     pipeline.add_frame(**frame(categories={1: "laptop"}))
     training = pipeline.training_set(1, seed=0)
     predictions = pipeline.classify(1, training, near_and_far(training), model=model)
