@@ -43,6 +43,7 @@ height = 120
 test_points = 60
 test_sets = ["box", "perturbed"]
 [pipeline]
+segmenter = "oracle"
 completer = "none"
 [pipeline.training]
 points = 80
@@ -378,7 +379,8 @@ def test_an_object_without_free_space_is_mapped_without_predictions(
     dataset: Path, config: Config
 ) -> None:
     (scene_folder(dataset, 0) / "scene_gt.json").unlink()
-    wide = config.model_copy(update={"pipeline": {"training": {"free_margin_m": 0.5}}})
+    changed = {"segmenter": "oracle", "training": {"free_margin_m": 0.5}}
+    wide = config.model_copy(update={"pipeline": changed})
     job = planned(dataset, wide, category="mug").jobs[0]
     assert run_job(job, wide).records == []
     folder = dataset / "maps" / "mug-0000"
