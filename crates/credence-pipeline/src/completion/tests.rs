@@ -74,14 +74,22 @@ fn cube() -> Vec<Point> {
 }
 
 fn pipeline(behaviour: Behaviour, completion: &str) -> Pipeline {
-    let settings =
-        format!(r#"{{"completer": "python:tests.cubes", "completion": {{{completion}}}}}"#);
+    let settings = format!(
+        r#"{{"segmenter": "oracle", "completer": "python:tests.cubes",
+            "completion": {{{completion}}}}}"#
+    );
     let config = Config::from_json(&settings).unwrap();
     let foreign = Foreign {
         completer: Some(Box::new(Cubes(behaviour))),
         ..Foreign::default()
     };
     Pipeline::with(config, foreign).unwrap()
+}
+
+/// A pipeline whose completer goes by its name.
+fn on_true_masks(completer: &str) -> Pipeline {
+    let settings = serde_json::json!({"segmenter": "oracle", "completer": completer});
+    Pipeline::new(Config::from_json(&settings.to_string()).unwrap()).unwrap()
 }
 
 /// Adds the views and returns the one object.
@@ -210,8 +218,7 @@ fn a_reason_stands_until_a_view_completes_the_object() {
 
 #[test]
 fn without_a_completer_nothing_is_done_and_that_is_the_reason() {
-    let mut pipeline =
-        Pipeline::new(Config::from_json(r#"{"completer": "none"}"#).unwrap()).unwrap();
+    let mut pipeline = on_true_masks("none");
     let id = mapped(&mut pipeline, &[0.0]);
     assert_eq!(pipeline.completion(id).unwrap(), None);
     let why = pipeline.uncompleted(id).unwrap().unwrap();
@@ -283,8 +290,7 @@ fn a_python_completer_needs_python() {
 
 #[test]
 fn the_cloud_completer_comes_with_the_library() {
-    let mut pipeline =
-        Pipeline::new(Config::from_json(r#"{"completer": "cloud"}"#).unwrap()).unwrap();
+    let mut pipeline = on_true_masks("cloud");
     let id = mapped(&mut pipeline, &[30.0, 75.0]);
     let views = pipeline.view_completions(id).unwrap();
     assert_eq!(views.len(), 2);
@@ -301,8 +307,7 @@ fn the_cloud_completer_comes_with_the_library() {
 
 #[test]
 fn centersnap_comes_with_the_library() {
-    let config = Config::from_json(r#"{"completer": "centersnap"}"#).unwrap();
-    let mut pipeline = Pipeline::new(config).unwrap();
+    let mut pipeline = on_true_masks("centersnap");
     let id = mapped(&mut pipeline, &[30.0]);
     // Whether it takes a grey cube for any of its objects does not matter here.
     let completion = pipeline.completion(id).unwrap();
@@ -318,8 +323,7 @@ fn centersnap_comes_with_the_library() {
 
 #[test]
 fn an_object_of_few_measured_pixels_has_no_completion_and_a_reason() {
-    let mut pipeline =
-        Pipeline::new(Config::from_json(r#"{"completer": "cloud"}"#).unwrap()).unwrap();
+    let mut pipeline = on_true_masks("cloud");
     let whole = view(&[mug()], 30.0);
     let ids = &whole.truth().unwrap().instance_ids;
     let mut left = 40;

@@ -4,8 +4,8 @@ use credence_types::{Category, FREE_CLASS};
 use super::*;
 use crate::scene::{Solid, view};
 
-const SETTINGS: &str =
-    r#"{"completer": "none", "training": {"points": 600}, "gp": {"fit_points": 300}}"#;
+const SETTINGS: &str = r#"{"segmenter": "oracle", "completer": "none", "training": {"points": 600},
+        "gp": {"fit_points": 300}}"#;
 
 fn mug() -> Solid {
     Solid::cube(Category::Mug, [0.0, 0.0])
@@ -192,7 +192,7 @@ fn every_stage_notes_its_time() {
 
 #[test]
 fn recalibration_completion_and_segmenter_make_the_confidence() {
-    let settings = r#"{"training": {"points": 600}, "gp": {"fit_points": 300},
+    let settings = r#"{"segmenter": "oracle", "training": {"points": 600}, "gp": {"fit_points": 300},
         "recalibration": {"nearest": {"slope": 0.5, "intercept": 0.1}}}"#;
     let mut pipeline = Pipeline::new(Config::from_json(settings).unwrap()).unwrap();
     pipeline.add_frame(&view(&[mug()], 20.0)).unwrap();

@@ -10,7 +10,8 @@ use crate::{
 const ROUNDING_M: f64 = 1e-6;
 
 fn mapped(solids: &[Solid], training: &str) -> Pipeline {
-    let config = Config::from_json(&format!(r#"{{"training": {training}}}"#)).unwrap();
+    let settings = format!(r#"{{"segmenter": "oracle", "training": {training}}}"#);
+    let config = Config::from_json(&settings).unwrap();
     let mut pipeline = Pipeline::new(config).unwrap();
     for azimuth_deg in [-60.0, 20.0] {
         pipeline.add_frame(&view(solids, azimuth_deg)).unwrap();
