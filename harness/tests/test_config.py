@@ -140,11 +140,11 @@ def test_an_option_for_a_section_that_is_none_gets_one_line(write: Writer) -> No
 
 def test_a_loaded_configuration_holds_the_pipelines_defaults(write: Writer) -> None:
     config = load_config(None)
-    assert config.pipeline["segmenter"] == "oracle"
+    assert config.pipeline["segmenter"] == "maskrcnn_rgbd"
     assert config.pipeline["map"]["resolution_m"] == 0.005
     tables = {"segmentation", "completion", "map", "training", "gp", "metric", "recalibration"}
     assert set(config.pipeline) == {"segmenter", "completer", *tables}
-    for said in ("segmenter = 'oracle'", "map.resolution_m = 0.005", "map.max_range_m = 2"):
+    for said in ("segmenter = 'maskrcnn_rgbd'", "map.resolution_m = 0.005", "map.max_range_m = 2"):
         assert load_config(write(f"[pipeline]\n{said}\n")) == config
     # What an earlier version wrote keeps its values, whatever this version's defaults are.
     older = {**config.pipeline, "gp": {**config.pipeline["gp"], "fit_points": 77}}

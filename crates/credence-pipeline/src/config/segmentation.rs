@@ -7,13 +7,13 @@ use crate::PipelineError;
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum SegmenterChoice {
-    /// "oracle": the true masks that the simulator or the dataset delivers.
-    #[default]
-    Oracle,
     /// "maskrcnn": the network that finds objects by colour alone.
     MaskRcnn,
     /// "`maskrcnn_rgbd`": the network that looks at depth too.
+    #[default]
     MaskRcnnRgbd,
+    /// "oracle": the true masks that the simulator or the dataset delivers.
+    Oracle,
     /// "python:module.function": a callable that Python imports.
     Python(PythonFunction),
 }
