@@ -3,6 +3,7 @@ use std::sync::OnceLock;
 use credence_segment::{
     SegmentError, Segmenter,
     maskrcnn::{Input, MaskRcnn},
+    trimmed,
 };
 use credence_types::{Frame, Instance, Intrinsics};
 
@@ -64,7 +65,14 @@ impl ChosenSegmenter {
     /// # Errors
     /// A frame that the segmenter refuses.
     pub fn segment(&self, frame: &Frame) -> Result<Vec<Instance>, PipelineError> {
-        Ok(self.get()?.segmenter().segment(frame)?)
+        let loaded = self.get()?;
+        let mut instances = loaded.segmenter().segment(frame)?;
+        if self.segmentation.trim && matches!(loaded, Loaded::MaskRcnn(_)) {
+            for instance in &mut instances {
+                *instance = trimmed(frame, instance)?;
+            }
+        }
+        Ok(instances)
     }
 
     /// What the segmenter's logits are divided by to make its scores probabilities; `None` if it is
@@ -107,6 +115,7 @@ impl ChosenSegmenter {
             weights,
             least_score,
             calibrated,
+            trim: _,
         } = &self.segmentation;
         let network = match weights.file() {
             None => MaskRcnn::embedded(input)?,

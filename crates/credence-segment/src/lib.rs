@@ -6,6 +6,8 @@
 mod error;
 pub mod maskrcnn;
 mod segmenter;
+mod trim;
 
 pub use error::SegmentError;
 pub use segmenter::Segmenter;
+pub use trim::trimmed;

@@ -39,6 +39,8 @@ pub struct SegmentationConfig {
     /// Whether scores are calibrated: probabilities that the detection is right. Otherwise they
     /// are as the network gives them.
     pub calibrated: bool,
+    /// Whether small parts of a mask whose depth is apart from the rest of it are dropped.
+    pub trim: bool,
 }
 
 impl Default for SegmentationConfig {
@@ -47,6 +49,7 @@ impl Default for SegmentationConfig {
             weights: Weights::default(),
             least_score: 0.5,
             calibrated: true,
+            trim: true,
         }
     }
 }
