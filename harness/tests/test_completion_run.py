@@ -139,7 +139,7 @@ def test_an_interrupt_leaves_no_worker_and_no_report(tmp_path: Path, orders: Pat
     def interrupt() -> None:
         while not (orders / "begun").exists() or len(begun(orders)) < 2:
             time.sleep(0.05)
-        # Again, as a person would: Python drops an interrupt that comes while it finalises an object.
+        # Again, as a person would: Python loses one that comes while it finalises an object.
         while not ended.is_set():
             os.kill(os.getpid(), signal.SIGINT)
             ended.wait(10.0)
