@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+import json
+from dataclasses import asdict, is_dataclass
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -26,6 +29,27 @@ def _whole_number(text: str) -> int:
 def number_option(help_text: str, *names: str) -> Any:
     """Option for a whole number, which names the value that is none."""
     return typer.Option(*names, parser=_whole_number, metavar="N", help=help_text)
+
+
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object in place of the text.")
+]
+"""``--json``: the same result for machines."""
+
+
+def print_json(result: object) -> None:
+    """Print a result as JSON: dataclasses as objects, paths as text; NaN is refused."""
+    print_line(json.dumps(result, default=_plain, indent=1, allow_nan=False))
+
+
+def _plain(value: object) -> object:
+    if is_dataclass(value) and not isinstance(value, type):
+        return asdict(value)
+    if isinstance(value, Path):
+        return str(value)
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} cannot be printed as JSON")
 
 
 def print_line(text: str) -> None:
