@@ -1,0 +1,40 @@
+"""Tests in families: how many of the differences that are called found are none."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.stats import false_discovery_control
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+
+def benjamini_hochberg(p_values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Adjust a family's p-values so that those up to q hold a share of at most q false ones.
+
+    Benjamini and Hochberg (1995): ``q_(i) = min over j >= i of p_(j) m / j``. The share holds on
+    average, for tests that are independent or depend on each other positively (Benjamini and
+    Yekutieli 2001).
+
+    Parameters
+    ----------
+    p_values : (n,) float64
+        NaN where undefined: such a test is not of the family.
+
+    Returns
+    -------
+    q_values : (n,) float64
+        NaN where `p_values` is.
+
+    Raises
+    ------
+    ValueError
+        A value lies outside [0, 1].
+    """
+    defined = ~np.isnan(p_values)
+    q_values = np.full(p_values.shape, np.nan)
+    if defined.any():
+        q_values[defined] = false_discovery_control(p_values[defined], method="bh")
+    return q_values
