@@ -31,6 +31,10 @@ PositiveFloat = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 PipelineCheck = Callable[[str], str]
 
 
+UNREGARDED = {"workers", "record"}
+"""Keys of ``[run]`` on which no record depends."""
+
+
 class Section(BaseModel):
     """A table of the file: immutable, strictly typed, closed to unknown keys."""
 
@@ -48,6 +52,13 @@ class RunSection(Section):
         default=None,
         ge=1,
         description="Worker processes; by default one per core. No result depends on it.",
+    )
+    record: Literal["all", "nothing"] = Field(
+        default="all",
+        description=(
+            "What is kept of each scene beside its scores, for figures, calibration, report and "
+            "view: about 1.5 MB, or nothing. No result depends on it."
+        ),
     )
     classes: tuple[Category, ...] = Field(
         default=("mug", "bowl"),
@@ -169,8 +180,8 @@ class Config(Section):
     )
 
     def identity(self) -> dict[str, Any]:
-        """All that the records depend on, by dotted key: everything but ``run.workers``."""
-        flat = dict(_flatten(self.model_dump(mode="json", exclude={"run": {"workers"}})))
+        """All that the records depend on, by dotted key: all but `UNREGARDED` of ``[run]``."""
+        flat = dict(_flatten(self.model_dump(mode="json", exclude={"run": UNREGARDED})))
         return {key: flat[key] for key in sorted(flat)}
 
     def short_hash(self) -> str:

@@ -8,17 +8,20 @@ for there is nothing to complete.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from harness.asked import AskedPoints
 from harness.protocol import (
     COMPLETED,
-    HasCompleter,
     completion_name,
     draw_test_points,
     true_categories,
 )
+from harness.recordings.file import encode
+from harness.recordings.make import missed_answers, record_scene
 from harness.runs.records import Record, SceneResult, Variant
 from harness.scoring import count_confusion, score_missed
 
@@ -26,23 +29,10 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from harness.config import Config
-    from harness.native import MeshTruth
+    from harness.native import MeshTruth, Pipeline
+    from harness.recordings.watch import MapWatch
     from harness.runs.job import SceneJob
     from sim_scenes import Scene
-
-
-class Compares(HasCompleter, Protocol):
-    """What is needed of a pipeline."""
-
-    @property
-    def segmenter(self) -> str:
-        """Its name."""
-        ...
-
-    @property
-    def models(self) -> list[str]:
-        """Names of its classifiers."""
-        ...
 
 
 def answer_missed(
@@ -50,9 +40,10 @@ def answer_missed(
     *,
     job: SceneJob,
     config: Config,
-    pipeline: Compares,
+    pipeline: Pipeline,
     truths: Sequence[MeshTruth],
     reason: str,
+    watch: MapWatch | None = None,
 ) -> SceneResult:
     """Record that a map does not hold the target, a scene's first object.
 
@@ -66,10 +57,15 @@ def answer_missed(
         The true meshes of the scene's objects.
     reason
         Why its completion has no points.
+    watch
+        What was noted while the map was made, for a recording; None where none is kept.
     """
     protocol = config.protocol
     target = scene.objects[0]
     result = SceneResult(records=[])
+    asked: list[AskedPoints] = []
+    distances = []
+    start = 0
     for test_set in protocol.test_sets:
         name = completion_name(test_set, pipeline)
         if test_set == COMPLETED:
@@ -90,6 +86,9 @@ def answer_missed(
             target, test_set=test_set, count=protocol.test_points, seed=job.seed
         )
         distances_m = np.stack([truth.distances(points) for truth in truths])
+        distances.append(distances_m)
+        part = slice(start, start := start + len(points))
+        asked.append(AskedPoints(name, points, np.ones(len(points)), part))
         for tolerance_m in protocol.tolerances_m:
             true = true_categories(distances_m, scene.objects, tolerance_m=tolerance_m)
             for model in pipeline.models:
@@ -111,4 +110,18 @@ def answer_missed(
                     "redraws": scene.redraw_count,
                 }
                 result.records.append(score_missed(true == target.category, identity=identity))
-    return result
+    if watch is None:
+        return result
+    recording = record_scene(
+        scene,
+        job=job,
+        pipeline=pipeline,
+        watch=watch,
+        target_id=None,
+        training=None,
+        asked=asked,
+        distances_m=np.concatenate(distances, axis=1),
+        data_distance_m=np.full(start, np.inf),
+        answers={model: missed_answers(start) for model in pipeline.models},
+    )
+    return replace(result, recording=encode(recording))

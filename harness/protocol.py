@@ -31,6 +31,15 @@ SHIFT_M = 0.004
 NOISE_M = (0.002, 0.003)
 
 
+class HasCategory(Protocol):
+    """What is needed of a true object."""
+
+    @property
+    def category(self) -> str:
+        """One of the six of NOCS."""
+        ...
+
+
 class HasCompleter(Protocol):
     """What names a completion: a pipeline."""
 
@@ -143,7 +152,7 @@ def surface_points(
 
 
 def true_categories(
-    distances_m: npt.NDArray[np.float64], objects: Sequence[SceneObject], *, tolerance_m: float
+    distances_m: npt.NDArray[np.float64], objects: Sequence[HasCategory], *, tolerance_m: float
 ) -> npt.NDArray[np.str_]:
     """Category of the object that each point lies on, ``"free"`` where it lies on none.
 

@@ -5,14 +5,17 @@ from __future__ import annotations
 import time
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from harness.asked import gather_test_sets
 from harness.missed import answer_missed
-from harness.native import MeshTruth, Pipeline, nearest_observation
+from harness.native import MeshTruth, Pipeline, Segmenter, nearest_observation
 from harness.protocol import COMPLETED, completion_name, true_categories
+from harness.recordings.file import encode
+from harness.recordings.make import model_answers, record_scene
+from harness.recordings.watch import MapWatch
 from harness.runs.records import Record, SceneResult, Timing, Variant
 from harness.scoring import Answers, confusion, score
 from sim_scenes import DepthNoise, SceneSpec, load_object_set, simulate
@@ -22,8 +25,9 @@ if TYPE_CHECKING:
 
     from harness.config import Config
     from harness.native import MappedObject
+    from harness.recordings.recording import ModelAnswers
     from harness.runs.job import SceneJob
-    from sim_scenes import Scene, SceneObject
+    from sim_scenes import Frame, Scene, SceneObject
 
 
 ORACLE = "oracle"
@@ -130,20 +134,41 @@ def without_idle_completer(config: Config) -> Config:
     return config.model_copy(update={"pipeline": config.pipeline | {"completer": "none"}})
 
 
-def map_scene(scene: Scene, *, config: Config) -> Pipeline:
-    """Feed a scene's frames to a new pipeline, in order."""
+def map_scene(scene: Scene, *, config: Config, watch: MapWatch | None = None) -> Pipeline:
+    """Feed a scene's frames to a new pipeline, in order.
+
+    Parameters
+    ----------
+    scene
+        The frames.
+    config
+        Of the pipeline.
+    watch
+        Notes what becomes of the map.
+    """
     pipeline = Pipeline(config.pipeline_json())
+    segmenter = Segmenter(config.pipeline_json()) if watch else None
     for frame in scene.frames:
-        camera = frame.intrinsics
-        pipeline.add_frame(
-            rgb=frame.rgb,
-            depth_m=frame.depth_m,
-            intrinsics=(camera.fx, camera.fy, camera.cx, camera.cy),
-            world_from_camera=frame.world_from_camera,
-            instance_ids=frame.instance_ids,
-            categories=scene.categories,
-        )
+        given = frame_arguments(frame, scene)
+        if watch is None or segmenter is None:
+            pipeline.add_frame(**given)
+        else:
+            detections = segmenter.segment(**given)
+            watch.note(frame, detections, pipeline.add_frame(**given), pipeline)
     return pipeline
+
+
+def frame_arguments(frame: Frame, scene: Scene) -> dict[str, Any]:
+    """Arguments of a pipeline's and a segmenter's methods that take a frame."""
+    camera = frame.intrinsics
+    return {
+        "rgb": frame.rgb,
+        "depth_m": frame.depth_m,
+        "intrinsics": (camera.fx, camera.fy, camera.cx, camera.cy),
+        "world_from_camera": frame.world_from_camera,
+        "instance_ids": frame.instance_ids,
+        "categories": scene.categories,
+    }
 
 
 def evaluate_scene(
@@ -177,7 +202,8 @@ def evaluate_scene(
     """
     protocol = config.protocol
     target = scene.objects[0]
-    pipeline = map_scene(scene, config=without_idle_completer(config))
+    watch = MapWatch() if config.run.record == "all" else None
+    pipeline = map_scene(scene, config=without_idle_completer(config), watch=watch)
     with clock.stage("truth"):
         truths = [mesh_truth(item) for item in scene.objects]
         try:
@@ -192,6 +218,7 @@ def evaluate_scene(
                 pipeline=pipeline,
                 truths=truths,
                 reason=str(missed),
+                watch=watch,
             )
             _add_timings(clock, pipeline)
             return replace(result, timings=clock.timings)
@@ -215,6 +242,7 @@ def evaluate_scene(
     data_distance_m = nearest_observation(points=test_points, observed=training.points_world)
 
     result = SceneResult(records=[], timings=clock.timings)
+    kept: dict[str, ModelAnswers] = {}
     for model in pipeline.models:
         predictions = pipeline.classify(
             mapped.id,
@@ -225,6 +253,9 @@ def evaluate_scene(
         )
         if model == pipeline.models[0]:
             pipeline.annotate(mapped.id, test_points, predictions)
+        if watch:
+            whole = Answers(predictions, slice(None), completer_confidence)
+            kept[model] = model_answers(whole, category=target.category, item=mapped)
         for item in asked:
             answers = Answers(predictions, item.part, completer_confidence)
             with clock.stage("score", model=model):
@@ -271,7 +302,22 @@ def evaluate_scene(
         for tolerance_m in protocol.tolerances_m
     )
     _add_timings(clock, pipeline)
-    return result
+    if watch is None:
+        return result
+    with clock.stage("record"):
+        recording = record_scene(
+            scene,
+            job=job,
+            pipeline=pipeline,
+            watch=watch,
+            target_id=mapped.id,
+            training=training,
+            asked=asked,
+            distances_m=distances_m,
+            data_distance_m=data_distance_m,
+            answers=kept,
+        )
+        return replace(result, recording=encode(recording))
 
 
 def _add_timings(clock: StageClock, pipeline: Pipeline) -> None:

@@ -72,6 +72,14 @@ class Answers:
         column = names.index(category)
         return np.ascontiguousarray(self.predictions.probabilities[self.part, column])
 
+    def target_confidence(self, category: str, item: MappedObject) -> Floats:
+        """Confidence (n,) that a point lies on the target, of a category, that a map holds as item.
+
+        The confidence is that of the category which the map gives the object; where that is wrong,
+        the raw probability of the right one stands in.
+        """
+        return self.confidence if item.category == category else self.probability(category)
+
     def recalibrated(self, item: MappedObject) -> Floats | None:
         """Recalibrated probability (n,) that a point lies on a mapped object.
 
@@ -120,8 +128,7 @@ def score(
     target_class = CLASS_NAMES.index(target.category)
     predicted = answers.classes == target_class
     probability = answers.probability(target.category)
-    # The confidence is that of the category which the map gives the object, right or wrong.
-    confidence = answers.confidence if item.category == target.category else probability
+    confidence = answers.target_confidence(target.category, item)
     metrics = binary_metrics(
         predicted=predicted,
         truth=truth,

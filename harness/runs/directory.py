@@ -7,6 +7,7 @@
       config.toml       the configuration, defaults written out
       scenes/ID.json    one finished scene each; a failed scene has none, so that resuming tries
                         it again
+      recordings/ID.npz what a finished scene looked like and every answer: `harness.recordings`
       logs/             what workers printed, and tracebacks
       records.parquet   one row per scene, model, completion and tolerance
       confusion.parquet one row per scene, model, completion, tolerance, true and predicted category
@@ -32,7 +33,14 @@ from pydantic import ValidationError
 
 from harness.config import Config, differing_keys, load_config
 from harness.errors import InputError
-from harness.runs.atomic import PARTIAL_SUFFIX, DiskError, remove_quietly, write_text
+from harness.recordings.file import read_recording
+from harness.runs.atomic import (
+    PARTIAL_SUFFIX,
+    DiskError,
+    remove_quietly,
+    write_atomically,
+    write_text,
+)
 from harness.runs.fragment import DamagedFragmentError, read_fragment, write_fragment
 from harness.runs.manifest import describe_session
 from harness.runs.records import SCHEMA_VERSION, SceneResult
@@ -40,6 +48,7 @@ from harness.runs.records import SCHEMA_VERSION, SceneResult
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from harness.recordings.recording import Recording
     from harness.runs.job import SceneJob
 
 MANIFEST = "manifest.json"
@@ -72,6 +81,7 @@ class RunDirectory:
         self.confusion_path = folder / CONFUSION
         self.timings_path = folder / TIMINGS
         self.logs = folder / "logs"
+        self.recordings = folder / "recordings"
         self._scenes = folder / "scenes"
 
     @staticmethod
@@ -106,8 +116,26 @@ class RunDirectory:
         return found
 
     def keep(self, job: SceneJob, result: SceneResult) -> None:
-        """Write a finished scene."""
+        """Write a finished scene, its recording before what vouches for it."""
+        if result.recording is not None:
+            data = result.recording
+            self.recordings.mkdir(exist_ok=True)
+            write_atomically(self._recording(job.scene_id), lambda file: file.write(data))
         write_fragment(self._fragment(job), result)
+
+    def recorded(self) -> list[str]:
+        """List the scenes that have a recording, sorted."""
+        return sorted(path.stem for path in self.recordings.glob("*.npz"))
+
+    def recording(self, scene_id: str) -> Recording:
+        """Read a scene's recording.
+
+        Raises
+        ------
+        InputError
+            The run has none of the scene, or it is damaged.
+        """
+        return read_recording(self._recording(scene_id))
 
     def finished(self, jobs: Sequence[SceneJob]) -> tuple[dict[str, SceneResult], dict[str, str]]:
         """Scenes that are finished, and what is wrong with those whose files are damaged.
@@ -121,7 +149,8 @@ class RunDirectory:
             if not path.exists():
                 continue
             try:
-                results[job.scene_id] = read_fragment(path, job=job)
+                recording = self._recording(job.scene_id)
+                results[job.scene_id] = read_fragment(path, job=job, recording=recording)
             except DamagedFragmentError as error:
                 damaged[job.scene_id] = str(error)
         return results, damaged
@@ -165,12 +194,15 @@ class RunDirectory:
 
     def _remove_partial_files(self) -> None:
         """Remove what a killed writer left."""
-        for folder in (self.folder, self._scenes):
+        for folder in (self.folder, self._scenes, self.recordings):
             for path in folder.glob(f"*{PARTIAL_SUFFIX}"):
                 remove_quietly(path)
 
     def _fragment(self, job: SceneJob) -> Path:
         return self._scenes / f"{job.scene_id}.json"
+
+    def _recording(self, scene_id: str) -> Path:
+        return self.recordings / f"{scene_id}.npz"
 
 
 def open_run(folder: Path, *, config: Config, objects: Sequence[str]) -> RunDirectory:

@@ -1,7 +1,7 @@
 """A finished scene on disk: one JSON file, whose first line vouches for the second.
 
-Line 1 holds the schema version and the sha256 of line 2; line 2 holds records, timings and
-confusion.
+Line 1 holds the schema version, the sha256 of line 2 and that of the scene's recording, if it has
+one; line 2 holds records, timings and confusion.
 Python writes a float so that it reads back as the same bits.
 """
 
@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import asdict
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from harness.runs.atomic import write_text
 from harness.runs.confusion import Confusion
@@ -36,17 +36,29 @@ def write_fragment(path: Path, result: SceneResult) -> None:
         },
         allow_nan=False,
     )
-    head = json.dumps({"schema_version": SCHEMA_VERSION, "sha256": _sha256(body)})
-    write_text(path, f"{head}\n{body}\n")
+    head: dict[str, Any] = {"schema_version": SCHEMA_VERSION, "sha256": _sha256(body.encode())}
+    if result.recording is not None:
+        head["recording_sha256"] = _sha256(result.recording)
+    write_text(path, f"{json.dumps(head)}\n{body}\n")
 
 
-def read_fragment(path: Path, *, job: SceneJob) -> SceneResult:
+def read_fragment(path: Path, *, job: SceneJob, recording: Path) -> SceneResult:
     """Read what `write_fragment` kept of a job.
+
+    Parameters
+    ----------
+    path
+        The fragment.
+    job
+        The scene that it must be of.
+    recording
+        File of the scene's recording; one that was kept is checked, not read in.
 
     Raises
     ------
     DamagedFragmentError
-        The file is cut short, altered, of another schema, or of another scene.
+        The file is cut short, altered, of another schema, or of another scene; the recording is
+        missing or another.
     """
     try:
         head_line, _, rest = path.read_text(encoding="utf-8").partition("\n")
@@ -54,8 +66,11 @@ def read_fragment(path: Path, *, job: SceneJob) -> SceneResult:
         body, _, _ = rest.partition("\n")
         if head["schema_version"] != SCHEMA_VERSION:
             raise DamagedFragmentError(f"schema {head['schema_version']}, not {SCHEMA_VERSION}")
-        if head["sha256"] != _sha256(body):
+        if head["sha256"] != _sha256(body.encode()):
             raise DamagedFragmentError("its content does not match its checksum")
+        kept = head.get("recording_sha256")
+        if kept is not None and not _is_whole(recording, kept):
+            raise DamagedFragmentError("its recording is missing or another")
         content = json.loads(body)
         result = SceneResult(
             records=[Record(**row) for row in content["records"]],
@@ -69,5 +84,12 @@ def read_fragment(path: Path, *, job: SceneJob) -> SceneResult:
     return result
 
 
-def _sha256(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()
+def _is_whole(recording: Path, sha256: str) -> bool:
+    if not recording.is_file():
+        return False
+    with recording.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest() == sha256
+
+
+def _sha256(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()

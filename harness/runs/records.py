@@ -256,11 +256,18 @@ class Timing:
 
 @dataclass(frozen=True)
 class SceneResult:
-    """What a scene yields."""
+    """What a scene yields.
+
+    Attributes
+    ----------
+    recording
+        The scene as `harness.recordings.file` encodes it; None where the run keeps none.
+    """
 
     records: list[Record]
     timings: list[Timing] = field(default_factory=list)
     confusion: list[Confusion] = field(default_factory=list)
+    recording: bytes | None = None
 
 
 RECORD_SCHEMA = schema_of(Record)

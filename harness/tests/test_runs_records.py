@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -30,11 +31,9 @@ from harness.runs.records import (
 )
 from harness.tests.fake_scenes import fake_confusion, fake_record
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
 JOB = SceneJob("mug-0000", "mug", "mug_0", seed=2**63 - 1)
 RECORD = fake_record(JOB, variant=Variant("classic"), tolerance_m=0.005)
+NO_RECORDING = Path("none.npz")
 TIMING = Timing(scene_id="mug-0000", stage="gp fit", model="classic", seconds=0.25)
 
 
@@ -144,7 +143,7 @@ def test_fragment_round_trip_is_exact(tmp_path: Path) -> None:
     path = tmp_path / "mug-0000.json"
     result = SceneResult([third], [TIMING], fake_confusion(third))
     write_fragment(path, result)
-    assert read_fragment(path, job=JOB) == result
+    assert read_fragment(path, job=JOB, recording=NO_RECORDING) == result
 
 
 def test_a_fragment_that_was_cut_or_altered_is_noticed(tmp_path: Path) -> None:
@@ -154,14 +153,14 @@ def test_a_fragment_that_was_cut_or_altered_is_noticed(tmp_path: Path) -> None:
     for length in (0, 5, whole.index(b"\n"), len(whole) // 2, len(whole) - 2):
         path.write_bytes(whole[:length])
         with pytest.raises(DamagedFragmentError):
-            read_fragment(path, job=JOB)
+            read_fragment(path, job=JOB, recording=NO_RECORDING)
     path.write_bytes(whole.replace(b'"tp": ', b'"tp": 1'))
     with pytest.raises(DamagedFragmentError, match="checksum"):
-        read_fragment(path, job=JOB)
+        read_fragment(path, job=JOB, recording=NO_RECORDING)
     stated = b'"schema_version": %d'
     path.write_bytes(whole.replace(stated % SCHEMA_VERSION, stated % 1))
     with pytest.raises(DamagedFragmentError, match=f"schema 1, not {SCHEMA_VERSION}"):
-        read_fragment(path, job=JOB)
+        read_fragment(path, job=JOB, recording=NO_RECORDING)
     path.write_bytes(whole)
     with pytest.raises(DamagedFragmentError, match="another scene's result"):
-        read_fragment(path, job=dataclasses.replace(JOB, seed=1))
+        read_fragment(path, job=dataclasses.replace(JOB, seed=1), recording=NO_RECORDING)

@@ -264,8 +264,10 @@ def test_a_full_disk_leaves_nothing_half_written(
     assert list(out.iterdir()) == []
 
 
+# A shell's background jobs inherit ignored interrupts.
 COMMAND = f"""
-import sys
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
 from harness import cli, training_pictures
 training_pictures.PICTURES_PER_SHARD = {GROUP}
 sys.exit(cli.main())

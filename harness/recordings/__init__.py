@@ -1,0 +1,1 @@
+"""What a run keeps of each scene beside its scores, for figures, calibration, report and view."""
