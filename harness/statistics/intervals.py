@@ -7,17 +7,22 @@ would promise a precision that is not there.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from statistics import NormalDist
 
 import numpy as np
 import numpy.typing as npt
+from scipy.stats import t as student
 
 RESAMPLES = 10_000
 CONFIDENCE = 0.95
 LEAST_OBJECTS = 5
-"""With fewer objects a bootstrap interval promises far more than it holds: 0.81 for 0.95 with 4."""
+"""With fewer objects a bootstrap interval promises far more than it holds."""
+
+_DRAWS = 1 << 20
+_LEAST_RESAMPLES = 1000
 
 
 @dataclass(frozen=True)
@@ -74,13 +79,21 @@ def bootstrap_interval(
     """Bias-corrected and accelerated (BCa) bootstrap interval of a mean, by objects.
 
     Efron (1987): the bounds are the quantiles of the resampled means at
-    ``Phi(z0 + (z0 + z) / (1 - a (z0 + z)))`` for ``z = Phi^-1((1 -+ confidence) / 2)``, where
-    ``z0`` corrects the median's bias and ``a``, the skewness of the leave-one-out means over 6,
-    the change of spread with the mean. A resample draws objects and takes all their scenes, and
-    the leave-one-out means leave out objects (Davison and Hinkley 1997, section 3.8). Few objects
-    give too narrow an interval, as in every bootstrap: of normal values, nominal 0.95 covers 0.84
-    with 5, 0.89 with 8, 0.90 with 10 and 0.92 with 16, and a point or two less where an object
-    has several scenes.
+    ``Phi(z0 + (z0 + z) / (1 - a (z0 + z)))``, where ``z0`` corrects the median's bias and ``a``,
+    the skewness of the leave-one-out means over 6, the change of spread with the mean. A resample
+    draws objects and takes all their scenes, and the leave-one-out means leave out objects
+    (Davison and Hinkley 1997, section 3.8).
+
+    Resampled means of n objects spread too little, by ``sqrt((n - 1) / n)``, and with few objects
+    the normal quantile is too small besides. So ``z = -+ sqrt(n / (n - 1)) t``, with t the quantile
+    of Student's distribution with n - 1 degrees of freedom (Hesterberg 2015, who expands the
+    percentile interval so).
+
+    As measured by `harness.benchmarks.statistics_check`, nominal 0.95 covers 0.91 of normal values
+    with 5 objects and 0.94 with 8 and more; of exponential ones 0.88 with 5, 0.92 with 8 and 0.94
+    with 16. Plain BCa covers 0.82, 0.88 and 0.92 of normal values with 5, 8 and 16. A bootstrap-t
+    interval covers a point or two more of skewed values than ours, but leaves the range of a share,
+    and has no bounds where a resample has no spread.
 
     Parameters
     ----------
@@ -93,7 +106,8 @@ def bootstrap_interval(
     confidence
         Nominal coverage, in (0, 1).
     resamples
-        Number of bootstrap samples.
+        Number of bootstrap samples; of hundreds of objects, whose means are all but normal, fewer
+        are drawn (1,000 at least), so that time and memory are bounded.
 
     Returns
     -------
@@ -111,6 +125,7 @@ def bootstrap_interval(
     rounding = 1e-12 * np.abs(values).max()
     if np.abs(sums / sizes - mean).max() <= rounding:
         return float(mean), float(mean)
+    resamples = min(resamples, max(_LEAST_RESAMPLES, _DRAWS // count))
     drawn = _draw(seed=seed, count=count, resamples=resamples)
     means = sums[drawn].sum(axis=1) / sizes[drawn].sum(axis=1)
     # Ties count half, as many scenes share a value such as a recall of 1.
@@ -121,10 +136,8 @@ def bootstrap_interval(
     without = (values.sum() - sums) / (values.size - sizes)
     left_out = without.mean() - without
     acceleration = np.sum(left_out**3) / (6.0 * np.sum(left_out**2) ** 1.5)
-    shares = []
-    for tail in ((1.0 - confidence) / 2.0, (1.0 + confidence) / 2.0):
-        z = z0 + normal.inv_cdf(tail)
-        shares.append(normal.cdf(z0 + z / (1.0 - acceleration * z)))
+    spread = math.sqrt(count / (count - 1)) * student.ppf((1.0 + confidence) / 2.0, count - 1)
+    shares = [normal.cdf(z0 + z / (1.0 - acceleration * z)) for z in (z0 - spread, z0 + spread)]
     low, high = np.quantile(means, shares)
     return float(low), float(high)
 

@@ -2,8 +2,13 @@
 
 The test changes signs. Were the true mean difference the margin, and each object's differences
 spread evenly about it, then an object's sum of differences less the margin could as well have had
-the other sign (Fisher 1935; Good 2005, section 3.2). An object changes sign with all its scenes,
-for they share its shape.
+the other sign (Fisher 1935). An object changes sign with all its scenes, for they share its shape.
+
+As measured by `harness.benchmarks.statistics_check` with 8 to 21 objects, at 5 % the test rejects
+4 to 6 % of true nulls where differences are normal. Where they are as skewed as the exponential
+distribution it rejects 6 to 9 %, on one side 2 to 3 % or 8 to 12 %, by where the long tail points:
+the mean of few skewed values errs to the other side more often. Two revisions that compute the
+same have no such tail, for then each difference is as likely as its opposite.
 """
 
 from __future__ import annotations
@@ -30,7 +35,10 @@ POWER = 0.8
 """Share of runs in which a difference of `PairedTest.minimum_detectable` is found."""
 
 PERMUTATIONS = 10_000
-"""Random changes of signs where there are too many to go through."""
+"""Random changes of signs where there are too many to go through; fewer above 512 objects."""
+
+_CHANGES = 1 << 23
+_LEAST_PERMUTATIONS = 1000
 
 EXACT_OBJECTS = 16
 """Up to so many objects all changes of signs are gone through: 65,536 with 16."""
@@ -56,7 +64,8 @@ class PairedTest:
         `LEAST_OBJECTS` objects, and where the objects differ by the same amount that is not 0.
     minimum_detectable
         How far from the margin the true mean must at least be for the test to find it at `ALPHA`
-        with a probability of `POWER`, on scenes like these; None where the test never can.
+        with a probability of `POWER`, on as many scenes and objects that spread as these do; None
+        where the test never can. The probability holds with 8 objects and more (0.7 with 6).
     scenes, objects
         Number of scenes where the difference is defined, and of their objects.
     """
@@ -115,12 +124,11 @@ def paired_test(
     sums = np.bincount(member, weights=values).astype(np.float64, copy=False)
     # Rounding alone must not pass for a difference.
     rounding = 1e-12 * (float(np.abs(values).max()) + abs(margin))
-    level = attainable_level(names.size, alternative=alternative)
     p_value = None
     if np.abs(values - margin).max() <= rounding:
         p_value = 1.0
-    elif level > 0:
-        p_value = _sign_change_p(sums - sizes * margin, seed=seed, alternative=alternative)
+    elif attainable_level(names.size, alternative=alternative) > 0:
+        p_value = sign_change_p(sums - sizes * margin, seed=seed, alternative=alternative)
     low, high = bootstrap_interval(values, objects=objects, seed=seed) or (None, None)
     return PairedTest(
         mean=float(values.mean()),
@@ -129,7 +137,7 @@ def paired_test(
         p_value=p_value,
         effect_size=_effect_size(sums / sizes, rounding=rounding),
         minimum_detectable=_minimum_detectable(
-            sums, sizes, level=level, alternative=alternative, rounding=rounding
+            sums, sizes, alternative=alternative, rounding=rounding
         ),
         scenes=values.size,
         objects=names.size,
@@ -147,13 +155,20 @@ def attainable_level(objects: int, *, alternative: Alternative) -> float:
     return math.floor(ALPHA / step) * step
 
 
-def _sign_change_p(
-    totals: npt.NDArray[np.float64], *, seed: int, alternative: Alternative
-) -> float:
-    """Share of changes of signs under which the sum of `totals` is as far out as it is.
+def sign_change_p(totals: npt.NDArray[np.float64], *, seed: int, alternative: Alternative) -> float:
+    """Share of changes of signs under which the sum of the totals is as far out as it is.
 
-    Random changes leave the p-value a valid one by counting the observed signs among them, so
-    that it is never 0 (Phipson and Smyth 2010).
+    Where the changes are random, the observed signs count among them: the p-value stays a valid
+    one and is never 0 (Phipson and Smyth 2010).
+
+    Parameters
+    ----------
+    totals : (objects,) float64
+        Sum of each object's differences, less the margin.
+    seed
+        Of random signs.
+    alternative
+        Which sums are farther out.
     """
     if alternative == "less":
         totals = -totals
@@ -164,7 +179,9 @@ def _sign_change_p(
             found = np.concatenate((found + total, found - total))
         unchanged = 0
     else:
-        found = _signs(seed=seed, count=totals.size) @ totals
+        # A power of two serves all columns of a table, which are defined in unlike many objects.
+        signs = _signs(seed=seed, count=1 << (totals.size - 1).bit_length())
+        found = signs[:, : totals.size] @ totals
         unchanged = 1
     if alternative == "two-sided":
         found, observed = np.abs(found), abs(observed)
@@ -174,11 +191,12 @@ def _sign_change_p(
     return (as_far + unchanged) / (found.size + unchanged)
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=2)
 def _signs(*, seed: int, count: int) -> npt.NDArray[np.float64]:
     """Signs (permutations, count) of the objects; the cells of a table change the same ones."""
     rng = np.random.Generator(np.random.Philox(seed))
-    return np.where(rng.integers(2, size=(PERMUTATIONS, count)) == 1, 1.0, -1.0)
+    permutations = min(PERMUTATIONS, max(_LEAST_PERMUTATIONS, _CHANGES // count))
+    return np.where(rng.integers(2, size=(permutations, count), dtype=np.int8) == 1, 1.0, -1.0)
 
 
 def _effect_size(means: npt.NDArray[np.float64], *, rounding: float) -> float | None:
@@ -197,28 +215,37 @@ def _effect_size(means: npt.NDArray[np.float64], *, rounding: float) -> float | 
     return mean / deviation * correction
 
 
+def detectable_errors(objects: int, *, alternative: Alternative) -> float | None:
+    """``t(1 - level / sides) + t(power)``: the detectable difference in standard errors.
+
+    Bloom (1995), with quantiles of Student's distribution with objects - 1 degrees of freedom and
+    the level that the test can attain; None where that is 0.
+    """
+    level = attainable_level(objects, alternative=alternative)
+    if level == 0.0:
+        return None
+    tail = level / 2 if alternative == "two-sided" else level
+    return sum(float(student.ppf(share, objects - 1)) for share in (1 - tail, POWER))
+
+
 def _minimum_detectable(
     sums: npt.NDArray[np.float64],
     sizes: npt.NDArray[np.intp],
     *,
-    level: float,
     alternative: Alternative,
     rounding: float,
 ) -> float | None:
-    """``(t(1 - level / sides) + t(power)) SE``, both quantiles with objects - 1 degrees of freedom.
+    """`detectable_errors` times the standard error of the mean.
 
-    Bloom (1995). ``SE^2 = n / (n - 1) sum over objects of (sum - size mean)^2 / scenes^2`` is the
-    variance of a mean over n objects that are drawn with all their scenes (Liang and Zeger 1986,
-    with the usual factor for few objects). `level` is what the test's steps leave of `ALPHA`.
+    ``SE^2 = n / (n - 1) sum over objects of (sum - size mean)^2 / scenes^2`` is the variance of a
+    mean over n objects that are drawn with all their scenes (Liang and Zeger 1986, with the usual
+    factor for few objects).
     """
-    count = sizes.size
-    if level == 0.0:
+    count, scenes = sizes.size, float(sizes.sum())
+    errors = detectable_errors(count, alternative=alternative)
+    if errors is None:
         return None
-    scenes = sizes.sum()
     apart = sums - sizes * (sums.sum() / scenes)
     if np.abs(apart / sizes).max() <= rounding:
         return 0.0
-    error = math.sqrt(count / (count - 1) * float(np.sum(apart**2))) / float(scenes)
-    sides = 2 if alternative == "two-sided" else 1
-    quantiles = (float(student.ppf(share, count - 1)) for share in (1 - level / sides, POWER))
-    return sum(quantiles) * error
+    return errors * math.sqrt(count / (count - 1) * float(np.sum(apart**2))) / scenes

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.stats import bootstrap
+from scipy.stats import bootstrap, norm, t as student
 
 from harness.statistics import (
     LEAST_OBJECTS,
@@ -37,22 +37,30 @@ def estimate_of(values: list[float]) -> MeanEstimate:
 @pytest.mark.parametrize("count", [8, 16, 100])
 def test_agrees_with_scipys_bca(count: int) -> None:
     values = np.random.default_rng(count).exponential(size=count)
+    # Ours widens the normal quantile by Student's, and by the spread that resampling loses.
+    wider = float(np.sqrt(count / (count - 1)) * student.ppf(0.975, count - 1))
     theirs = bootstrap(
-        (values,), np.mean, n_resamples=40_000, method="BCa", rng=np.random.default_rng(1)
+        (values,),
+        np.mean,
+        n_resamples=40_000,
+        confidence_level=2 * float(norm.cdf(wider)) - 1,
+        method="BCa",
+        rng=np.random.default_rng(1),
     ).confidence_interval
     ours = interval(values, seed=2, resamples=40_000)
     # Two independent draws of the same quantiles: apart by a small share of the width.
-    assert ours == pytest.approx(theirs, abs=0.03 * (theirs.high - theirs.low))
+    assert ours == pytest.approx(theirs, abs=0.04 * (theirs.high - theirs.low))
 
 
 def test_covers_the_true_mean_about_as_often_as_it_says() -> None:
     rng = np.random.default_rng(0)
-    hits = 0
-    for trial in range(400):
-        low, high = interval(rng.normal(3.0, 1.0, size=40), seed=trial, resamples=1000)
-        hits += low <= 3.0 <= high
-    # Nominal 0.95; binomial standard deviation 0.011, and some undercoverage at n = 40.
-    assert 0.90 <= hits / 400 <= 0.98
+    for count in (8, 40):
+        hits = 0
+        for trial in range(400):
+            low, high = interval(rng.normal(3.0, 1.0, size=count), seed=trial, resamples=1000)
+            hits += low <= 3.0 <= high
+        # Nominal 0.95; binomial standard deviation 0.011, and a point of undercoverage at 8.
+        assert 0.91 <= hits / 400 <= 0.98
 
 
 def test_brackets_the_mean_and_shrinks_with_the_confidence() -> None:
@@ -129,3 +137,12 @@ def test_undefined_values_are_left_out_and_counted() -> None:
     nothing = estimate_of([np.nan, np.nan])
     assert (nothing.mean, nothing.low, nothing.high, nothing.count) == (None, None, None, 0)
     assert estimate_of([]).count == 0
+
+
+def test_thousands_of_objects_take_no_more_than_a_moment() -> None:
+    values = np.random.default_rng(0).normal(size=3000)
+    low, high = interval(values, seed=0)
+    half = student.ppf(0.975, 2999) * values.std(ddof=1) / np.sqrt(3000)
+    # The quantiles of 1,000 resamples; the indices of 10,000 would fill 240 MB.
+    expected = (values.mean() - half, values.mean() + half)
+    assert (low, high) == pytest.approx(expected, abs=0.2 * half)

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from scipy.stats import permutation_test, t as student
+from scipy.stats import permutation_test, t as student, ttest_1samp
 
+from harness.benchmarks.statistics_check import Design
 from harness.statistics import (
     ALPHA,
     LEAST_OBJECTS,
@@ -63,6 +64,15 @@ def test_random_changes_of_signs_agree_with_all_of_them(alternative: Alternative
     # Four standard deviations of a share of 10,000.
     assert drawn == pytest.approx(exact, abs=4 * math.sqrt(exact * (1 - exact) / 10_000))
     assert drawn == outcome(padded, alternative=alternative).p_value
+
+
+def test_thousands_of_objects_are_tested_as_students_t_would() -> None:
+    values = np.random.default_rng(0).normal(0.06, 1.0, size=3000)
+    p_value = outcome(values).p_value
+    expected = ttest_1samp(values, 0.0).pvalue
+    assert 0.02 < expected < 0.2
+    # Five standard deviations of a share of 2,048.
+    assert p_value == pytest.approx(expected, abs=5 * math.sqrt(expected / 2048))
 
 
 def test_random_changes_never_make_a_p_value_of_zero() -> None:
@@ -221,6 +231,16 @@ def test_a_true_null_is_rejected_no_more_often_than_it_says() -> None:
     # Binomial standard deviation 0.011; scenes taken for independent reject far too often.
     assert rejected["objects"] / 400 <= 0.08
     assert rejected["scenes"] / 400 >= 0.15
+
+
+def test_the_standard_error_of_a_simulated_design() -> None:
+    # Objects of 3 and 2 scenes: (0.5 (9 + 4) + 0.5 (3 + 2)) / 25 = 0.36.
+    design = Design.of(2, icc=0.5)
+    assert design.standard_error == pytest.approx(0.6)
+    means = design.draw(4000, kind="exponential", rng=np.random.default_rng(0)).mean(axis=1)
+    assert means.std() == pytest.approx(0.6, rel=0.1)
+    assert means.mean() == pytest.approx(0.0, abs=0.05)
+    np.testing.assert_array_equal(design.totals(np.arange(5.0)[np.newaxis]), [[3.0, 7.0]])
 
 
 # --- families ---
