@@ -9,14 +9,15 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from harness.config import Config, Override, PipelineCheck, check_test_sets, load_config
+from harness.engines.engine import Engine, SceneDone, SceneFailed, Work, WorkerDied
+from harness.engines.local import LocalEngine
+from harness.engines.worker import load_target
 from harness.errors import InputError
 from harness.results import tabulate
 from harness.runs.atomic import DiskError
 from harness.runs.confusion import write_confusion
 from harness.runs.directory import CONFIG, RunDirectory, default_folder, open_run
 from harness.runs.job import ObjectModel, SceneJob, object_identity, plan_jobs
-from harness.runs.manifest import core_count
-from harness.runs.pool import SceneDone, SceneFailed, ScenePool, WorkerDied
 from harness.runs.progress import Progress, SilentProgress
 from harness.runs.records import (
     Record,
@@ -26,7 +27,6 @@ from harness.runs.records import (
     write_records,
     write_timings,
 )
-from harness.runs.worker import load_target
 from harness.table.flat import render_csv
 from harness.table.latex import render_latex
 from harness.table.markdown import render_markdown
@@ -258,6 +258,7 @@ def compute_scenes(
     progress: Progress,
     resume: str,
     problem_of: Callable[[SceneResult, SceneJob], str | None] = scene_problem,
+    engine: Engine | None = None,
 ) -> dict[str, str]:
     """Compute on workers the scenes that are not finished.
 
@@ -273,6 +274,8 @@ def compute_scenes(
         The command that continues the run, for the message of an interruption.
     problem_of
         Says what is wrong with a scene's result, None where nothing is.
+    engine
+        What computes; by default this machine, with the configuration's workers.
 
     Returns
     -------
@@ -283,17 +286,10 @@ def compute_scenes(
     waiting = [job for job in jobs if job.scene_id not in finished]
     if not waiting:
         return failures
-    cores = core_count()
-    pool = ScenePool(
-        target=scene_function,
-        result_type=SceneResult,
-        arguments=(config,),
-        workers=min(config.run.workers or cores, len(waiting)),
-        cores=cores,
-        log_folder=run.logs,
-    )
+    engine = engine or LocalEngine(workers=config.run.workers)
+    work = Work(target=scene_function, result_type=SceneResult, arguments=(config,))
     try:
-        with closing(pool.run(waiting)) as events:
+        with closing(engine.run(work, waiting, logs=run.logs)) as events:
             for event in events:
                 match event:
                     case SceneDone(job=job, seconds=seconds) as done:
@@ -303,17 +299,16 @@ def compute_scenes(
                             progress.scene_failed(job.scene_id, problem)
                             continue
                         run.keep(job, result)
-                        finished[job.scene_id] = result
+                        # Without its recording, which is on the disk: a run may hold thousands.
+                        finished[job.scene_id] = replace(result, recording=None)
                         progress.scene_done(job.scene_id, seconds)
                         for reason in sorted({r.failure for r in result.records if r.failure}):
                             progress.note(f"{job.scene_id} is scored in part: {reason}")
                     case SceneFailed(job=job, failure=failure):
                         failures[job.scene_id] = failure
                         progress.scene_failed(job.scene_id, failure)
-                    case WorkerDied(job=job, reason=reason, log=log):
-                        progress.note(
-                            f"worker {reason} at {job.scene_id}; trying it once more (log: {log})"
-                        )
+                    case WorkerDied():
+                        progress.note(str(event))
     except KeyboardInterrupt:
         # What lies on the disk counts: the interrupt may fall between a file and its entry here.
         kept, _ = run.finished(jobs)
@@ -325,7 +320,7 @@ def compute_scenes(
     return failures
 
 
-def _with_timing(done: SceneDone[SceneResult]) -> SceneResult:
+def _with_timing(done: SceneDone[SceneJob, SceneResult]) -> SceneResult:
     """Put the scene's own timing, which the worker takes, after those of its stages."""
     whole = Timing(
         scene_id=done.job.scene_id,

@@ -5,10 +5,10 @@ from __future__ import annotations
 from contextlib import closing
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from harness.engines.engine import SceneDone, SceneFailed, Work, WorkerDied
+from harness.engines.local import LocalEngine
 from harness.errors import InputError
 from harness.runs.atomic import DiskError
-from harness.runs.manifest import core_count
-from harness.runs.pool import SceneDone, SceneFailed, ScenePool, WorkerDied
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -57,7 +57,7 @@ def measure_scenes(
     jobs
         The scenes; their rows come in no fixed order.
     target, arguments, result_type
-        The scene function, as `ScenePool` takes it.
+        The scene function, as `Work` has it.
     logs
         Takes what workers print.
     progress
@@ -69,20 +69,13 @@ def measure_scenes(
     """
     if not jobs:
         return [], {}
-    cores = cores or core_count()
     logs.mkdir(parents=True, exist_ok=True)
-    pool = ScenePool(
-        target=target,
-        arguments=arguments,
-        workers=min(workers or cores, len(jobs)),
-        cores=cores,
-        log_folder=logs,
-        result_type=result_type,
-    )
+    engine = LocalEngine(workers=workers, cores=cores)
+    work = Work(target=target, result_type=result_type, arguments=arguments)
     rows: list[Rows] = []
     failures: dict[str, str] = {}
     # Closing the events, as an interrupt does, kills the workers.
-    with closing(pool.run(jobs)) as events:
+    with closing(engine.run(work, jobs, logs=logs)) as events:
         for event in events:
             match event:
                 case SceneDone(job=job, result=result, seconds=seconds):
@@ -91,8 +84,6 @@ def measure_scenes(
                 case SceneFailed(job=job, failure=failure):
                     failures[job.scene_id] = failure
                     progress.scene_failed(job.scene_id, failure)
-                case WorkerDied(job=job, reason=reason, log=log):
-                    progress.note(
-                        f"worker {reason} at {job.scene_id}; trying it once more (log: {log})"
-                    )
+                case WorkerDied():
+                    progress.note(str(event))
     return rows, failures

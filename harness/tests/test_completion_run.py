@@ -7,7 +7,7 @@ import os
 import signal
 import threading
 import time
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -16,10 +16,10 @@ from harness import cli
 from harness.completion import run as reporting
 from harness.completion.mean_shape import MeanShape
 from harness.completion.run import CompletionOptions, CompletionResult, run_report
+from harness.engines.engine import SceneDone, SceneFailed
+from harness.engines.worker import load_target
 from harness.errors import InputError
 from harness.runs import report as measuring
-from harness.runs.pool import SceneDone, SceneFailed
-from harness.runs.worker import load_target
 from harness.tests.fake_report import SCENE_FUNCTION
 from harness.tests.fake_scenes import MODELS, begun, is_alive
 
@@ -27,30 +27,31 @@ if TYPE_CHECKING:
     from collections.abc import Generator, Sequence
     from pathlib import Path
 
-    from harness.completion.rows import SceneRows
-    from harness.runs.job import SceneJob
-    from harness.runs.pool import PoolEvent
+    from harness.engines.engine import Event, JobT, Result, Work
 
 PIPELINE = '{"completer": "cloud", "completion": {}, "metric": {"table_height_m": 0.0}}'
 
 
-class HerePool:
+class HereEngine:
     """Computes scenes in this process, which starts in no time."""
 
-    def __init__(self, *, target: str, arguments: tuple[Any, ...], **_: object) -> None:
-        self._function, self._arguments = load_target(target), arguments
+    def __init__(self, **_: object) -> None:
+        pass
 
-    def run(self, jobs: Sequence[SceneJob]) -> Generator[PoolEvent[SceneRows]]:
+    def run(
+        self, work: Work[Result], jobs: Sequence[JobT], *, logs: Path
+    ) -> Generator[Event[JobT, Result]]:
+        function = load_target(work.target)
         for job in jobs:
             try:
-                yield SceneDone(job, self._function(job, *self._arguments), 0.1, 1.0)
+                yield SceneDone(job, function(job, *work.arguments), 0.1, 1.0)
             except RuntimeError as error:
                 yield SceneFailed(job, f"RuntimeError: {error}")
 
 
 @pytest.fixture
 def here(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(measuring, "ScenePool", HerePool)
+    monkeypatch.setattr(measuring, "LocalEngine", HereEngine)
 
 
 @pytest.fixture(autouse=True)
@@ -92,7 +93,7 @@ def test_a_report_is_whole(tmp_path: Path) -> None:
 
 def test_workers_change_no_byte(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     texts = [report(tmp_path / "two", workers=2).text]
-    monkeypatch.setattr(measuring, "ScenePool", HerePool)
+    monkeypatch.setattr(measuring, "LocalEngine", HereEngine)
     texts.append(report(tmp_path / "here").text)
     assert texts[0] == texts[1]
 

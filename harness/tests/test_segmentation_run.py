@@ -27,7 +27,7 @@ from harness.tests.fake_segmentation import (
     PerturbedMasks,
     mask,
 )
-from harness.tests.test_completion_run import HerePool
+from harness.tests.test_completion_run import HereEngine
 from sim_scenes import Frame, Intrinsics, Scene, SceneObject
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def fake_scene() -> Scene:
 @pytest.fixture(autouse=True)
 def fake_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Everything but the planning, the summaries and the writing."""
-    monkeypatch.setattr(measuring, "ScenePool", HerePool)
+    monkeypatch.setattr(measuring, "LocalEngine", HereEngine)
     monkeypatch.setattr(reporting, "SCENE_FUNCTION", SCENE_FUNCTION)
     monkeypatch.setattr(reporting, "TIMING_FUNCTION", TIMING_FUNCTION)
     monkeypatch.setattr(reporting, "load_objects", lambda _: MODELS)

@@ -1,6 +1,6 @@
-"""The process that computes scenes: it takes one job at a time over a pipe until the pipe closes.
+"""How a process computes a job; and the local one, which takes jobs over a pipe until it closes.
 
-The pool starts it as a fresh interpreter that calls `main`.
+`LocalEngine` starts it as a fresh interpreter that calls `main`.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import importlib
 import os
 import queue
 import resource
+import sys
 import threading
 import time
 import traceback
@@ -43,9 +44,18 @@ class Done:
 
 @dataclass(frozen=True)
 class Raised:
-    """A scene whose function raised; the traceback is in the worker's log."""
+    """A scene whose function raised.
+
+    Attributes
+    ----------
+    failure
+        The exception on one line.
+    trace
+        Its traceback.
+    """
 
     failure: str
+    trace: str
 
 
 @dataclass(frozen=True)
@@ -74,11 +84,13 @@ def main(descriptor: int, target: str) -> None:
         function = load_target(target)
     except Exception as error:
         traceback.print_exc()
-        connection.send(Unusable(_one_line(error)))
+        connection.send(Unusable(one_line(error)))
         return
     while True:
-        arguments = inbox.get()
-        connection.send(_compute(function, arguments))
+        message = compute(function, inbox.get())
+        if isinstance(message, Raised):
+            print(message.trace, file=sys.stderr, flush=True)  # noqa: T201 - goes into the log
+        connection.send(message)
 
 
 def _receive(connection: Connection, inbox: queue.SimpleQueue[Any]) -> None:
@@ -90,18 +102,19 @@ def _receive(connection: Connection, inbox: queue.SimpleQueue[Any]) -> None:
             os._exit(0)
 
 
-def _compute(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Done | Raised:
+def compute(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Done | Raised:
+    """Call a job's function, take its time and its memory, and catch what it raises."""
     _reset_peak_memory()
     start = time.perf_counter()
     try:
         result = function(*arguments)
     except Exception as error:
-        traceback.print_exc()
-        return Raised(_one_line(error))
+        return Raised(one_line(error), traceback.format_exc())
     return Done(result, time.perf_counter() - start, _peak_memory_mib())
 
 
-def _one_line(error: Exception) -> str:
+def one_line(error: Exception) -> str:
+    """Name an exception and say its message, without line breaks."""
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 

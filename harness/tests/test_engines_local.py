@@ -7,51 +7,54 @@ import signal
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable
 from contextlib import closing
 from typing import TYPE_CHECKING
 
 import pytest
 
 from harness.config import Config
+from harness.engines.engine import (
+    Event,
+    SceneDone,
+    SceneFailed,
+    UnusableWorkerError,
+    Work,
+    WorkerDied,
+)
+from harness.engines.local import LocalEngine
 from harness.runs.job import SceneJob
-from harness.runs.pool import SceneDone, SceneFailed, ScenePool, UnusableWorkerError, WorkerDied
 from harness.runs.records import SceneResult
 from harness.tests import fake_scenes
 from harness.tests.fake_scenes import begun, is_alive
 
 if TYPE_CHECKING:
+    from collections.abc import Generator, Sequence
     from pathlib import Path
 
 JOBS = [SceneJob(f"mug-{i:04d}", "mug", "mug_0", seed=i) for i in range(5)]
 
 
-MakePool = Callable[..., ScenePool[SceneResult]]
+SceneEvent = Event[SceneJob, SceneResult]
 
 
-@pytest.fixture
-def make_pool(tmp_path: Path) -> MakePool:
-    def make(
-        function: str = "run_scene", *, workers: int = 2, cores: int = 2
-    ) -> ScenePool[SceneResult]:
-        logs = tmp_path / "logs"
-        logs.mkdir(exist_ok=True)
-        return ScenePool(
-            target=f"{fake_scenes.__name__}:{function}",
-            result_type=SceneResult,
-            arguments=(Config(),),
-            workers=workers,
-            cores=cores,
-            log_folder=logs,
-        )
-
-    return make
+def compute(
+    jobs: Sequence[SceneJob],
+    folder: Path,
+    *,
+    function: str = "run_scene",
+    workers: int = 2,
+    cores: int = 2,
+) -> Generator[SceneEvent]:
+    logs = folder / "logs"
+    logs.mkdir(exist_ok=True)
+    work = Work(f"{fake_scenes.__name__}:{function}", SceneResult, (Config(),))
+    return LocalEngine(workers=workers, cores=cores).run(work, jobs, logs=logs)
 
 
 def test_every_job_is_computed_once_on_as_many_processes_as_asked(
-    make_pool: MakePool, orders: Path, tmp_path: Path
+    orders: Path, tmp_path: Path
 ) -> None:
-    events = list(make_pool(workers=2).run(JOBS))
+    events = list(compute(JOBS, tmp_path, workers=2))
     assert sorted(event.job.scene_id for event in events) == [job.scene_id for job in JOBS]
     for event in events:
         assert isinstance(event, SceneDone)
@@ -68,10 +71,10 @@ def test_every_job_is_computed_once_on_as_many_processes_as_asked(
     ("order", "reason"), [("die", "killed by SIGKILL"), ("exit", "exit code 3")]
 )
 def test_a_dead_workers_scene_is_retried_once_in_a_fresh_worker(
-    make_pool: MakePool, orders: Path, order: str, reason: str
+    orders: Path, tmp_path: Path, order: str, reason: str
 ) -> None:
     (orders / "mug-0001").write_text(f"once {order}", encoding="utf-8")
-    events = list(make_pool(workers=1).run(JOBS))
+    events = list(compute(JOBS, tmp_path, workers=1))
     deaths = [event for event in events if isinstance(event, WorkerDied)]
     assert [(event.job, event.reason) for event in deaths] == [(JOBS[1], reason)]
     assert {event.job for event in events if isinstance(event, SceneDone)} == set(JOBS)
@@ -80,10 +83,10 @@ def test_a_dead_workers_scene_is_retried_once_in_a_fresh_worker(
 
 
 def test_a_scene_that_kills_two_workers_fails_and_the_others_go_on(
-    make_pool: MakePool, orders: Path
+    orders: Path, tmp_path: Path
 ) -> None:
     (orders / "mug-0001").write_text("die", encoding="utf-8")
-    events = list(make_pool(workers=2).run(JOBS))
+    events = list(compute(JOBS, tmp_path, workers=2))
     failed = [event for event in events if isinstance(event, SceneFailed)]
     assert [(event.job, event.failure) for event in failed] == [
         (JOBS[1], "its worker died 2 times; last: killed by SIGKILL")
@@ -93,10 +96,10 @@ def test_a_scene_that_kills_two_workers_fails_and_the_others_go_on(
 
 
 def test_an_exception_fails_its_scene_without_retry_and_leaves_its_traceback(
-    make_pool: MakePool, orders: Path, tmp_path: Path
+    orders: Path, tmp_path: Path
 ) -> None:
     (orders / "mug-0001").write_text("raise", encoding="utf-8")
-    events = list(make_pool(workers=1).run(JOBS))
+    events = list(compute(JOBS, tmp_path, workers=1))
     failed = [event for event in events if isinstance(event, SceneFailed)]
     assert [(event.job, event.failure) for event in failed] == [
         (JOBS[1], "RuntimeError: no such luck in mug-0001")
@@ -106,28 +109,28 @@ def test_an_exception_fails_its_scene_without_retry_and_leaves_its_traceback(
     assert "Traceback" in log.read_text(encoding="utf-8")
 
 
-def test_a_function_that_returns_something_else(make_pool: MakePool) -> None:
-    (event,) = make_pool("returns_nothing").run(JOBS[:1])
+def test_a_function_that_returns_something_else(tmp_path: Path) -> None:
+    (event,) = compute(JOBS[:1], tmp_path, function="returns_nothing")
     assert event == SceneFailed(
         JOBS[0], "the scene function returned a NoneType, not a SceneResult"
     )
 
 
-def test_a_function_that_cannot_be_imported_stops_the_run(make_pool: MakePool) -> None:
+def test_a_function_that_cannot_be_imported_stops_the_run(tmp_path: Path) -> None:
     with pytest.raises(UnusableWorkerError, match="workers cannot run scenes: AttributeError"):
-        list(make_pool("no_such_function").run(JOBS))
+        list(compute(JOBS, tmp_path, function="no_such_function"))
 
 
-def test_cores_are_shared_among_the_workers(make_pool: MakePool) -> None:
-    (event,) = make_pool("thread_limits", workers=2, cores=6).run(JOBS[:1])
-    assert event == SceneFailed(JOBS[0], "RuntimeError: 3 3")
-    (event,) = make_pool("thread_limits", workers=3, cores=2).run(JOBS[:1])
-    assert event == SceneFailed(JOBS[0], "RuntimeError: 1 1")
+def test_cores_are_shared_among_the_workers(tmp_path: Path) -> None:
+    for workers, cores, threads in ((2, 6, 3), (3, 2, 1), (3, 6, 3)):
+        events = compute(JOBS[:2], tmp_path, function="thread_limits", workers=workers, cores=cores)
+        limits = {event.failure for event in events if isinstance(event, SceneFailed)}
+        assert limits == {f"RuntimeError: {threads} {threads}"}
 
 
-def test_leaving_early_leaves_no_process(make_pool: MakePool, orders: Path) -> None:
+def test_leaving_early_leaves_no_process(orders: Path, tmp_path: Path) -> None:
     (orders / "mug-0001").write_text("sleep", encoding="utf-8")
-    with closing(make_pool(workers=2).run(JOBS)) as events:
+    with closing(compute(JOBS, tmp_path, workers=2)) as events:
         next(events)
     pids = {pid for pid, _ in begun(orders)}
     assert pids
@@ -135,10 +138,10 @@ def test_leaving_early_leaves_no_process(make_pool: MakePool, orders: Path) -> N
 
 
 def test_a_worker_killed_from_outside_in_the_middle_of_a_scene(
-    make_pool: MakePool, orders: Path
+    orders: Path, tmp_path: Path
 ) -> None:
     (orders / "mug-0000").write_text("once sleep", encoding="utf-8")
-    events = make_pool(workers=1).run(JOBS[:1])
+    events = compute(JOBS[:1], tmp_path, workers=1)
 
     def kill_once_begun() -> None:
         while not (orders / "begun").exists() or (orders / "mug-0000").exists():
