@@ -134,8 +134,14 @@ class Detection:
     the order of `harness.native.CLASS_NAMES` after ``"free"``; what they leave of 1 is the
     probability of none of them. ``category`` is the most probable one, ``score`` how probable it is
     that the detection is right.
+
+    A detection made anew of ``mask``, ``class_scores`` and ``score`` is the same one: what
+    `Segmenter.segment` gives can be kept as arrays.
     """
 
+    def __new__(
+        cls, *, mask: npt.NDArray[np.bool_], class_scores: _Floats, score: float
+    ) -> Self: ...
     @property
     def mask(self) -> npt.NDArray[np.bool_]: ...
     @property
@@ -281,7 +287,51 @@ class Pipeline:
         world_from_camera: _Floats,
         instance_ids: npt.NDArray[np.uint16] | None = None,
         categories: Mapping[int, str] | None = None,
-    ) -> list[int | None]: ...
+        detections: Sequence[Detection] | None = None,
+    ) -> list[int | None]:
+        """Segment a frame, complete the objects in it and map it; return the object of each.
+
+        ``detections`` take the place of those that the segmenter would find, which is not asked
+        then: its own, kept, give the same bits. None is returned for a detection of too few pixels
+        with a trusted depth.
+        """
+
+    def reconfigured(self, config: str) -> Pipeline:
+        """Make a pipeline that stands where this one does, with other stages after the map.
+
+        It holds a copy of the map, and neither changes the other from then on; its timings are of
+        what it does itself. ``segmenter``, ``[segmentation]`` and ``[map]`` must stay as they are:
+        anything else raises ValueError, which names the key. Completions are copied too if all that
+        shapes those of single views stays as it is: ``completer``, ``[completion]`` and, with
+        ``"cloud"``, ``metric.table_height_m``. Otherwise each of `frames_to_complete` must be given
+        to `complete_frame`, unless the completer is ``"none"``.
+        """
+
+    @property
+    def frames_to_complete(self) -> list[int]:
+        """Indices from 0, in order, of the frames that `complete_frame` must still be given.
+
+        Until then, completions are refused with ValueError, and so are further frames.
+        """
+
+    def complete_frame(
+        self,
+        index: int,
+        *,
+        rgb: npt.NDArray[np.uint8],
+        depth_m: npt.NDArray[np.float32],
+        intrinsics: Sequence[float] | _Floats,
+        world_from_camera: _Floats,
+        instance_ids: npt.NDArray[np.uint16] | None = None,
+        categories: Mapping[int, str] | None = None,
+        detections: Sequence[Detection],
+    ) -> None:
+        """Complete the objects of the next frame that a reconfigured pipeline is to complete again.
+
+        The frame and its detections are those that were mapped. With all frames done, the pipeline
+        is bit for bit as if it had added them under its own configuration.
+        """
+
     def objects(self) -> list[MappedObject]: ...
     def completion(self, object_id: int) -> Completion | None:
         """Fuse what the views of an object gave; None if none of them completed it."""

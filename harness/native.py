@@ -93,7 +93,8 @@ class CompleterFunction(Protocol):
 
     It is imported where the pipeline is made, in worker processes too, and called for every frame
     with an object in view. An exception that it raises, or an answer that breaks this protocol,
-    raises ValueError in `Pipeline.add_frame`, whose cause is that exception; the map is unchanged.
+    raises ValueError in `Pipeline.add_frame` and `Pipeline.complete_frame`, whose cause is that
+    exception; the pipeline is unchanged.
     """
 
     def __call__(

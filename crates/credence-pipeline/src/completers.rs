@@ -1,13 +1,16 @@
+use std::sync::Arc;
+
 use credence_complete::{Completer, centersnap::CenterSnap, cloud::CloudCompleter};
 
 use crate::{CompleterChoice, CompletionConfig, Config, PipelineError};
 
-/// What completes objects, loaded when it is first needed.
+/// What completes objects, loaded when it is first needed; clones share what is loaded.
+#[derive(Clone)]
 pub(crate) struct Completers {
     choice: CompleterChoice,
     completion: CompletionConfig,
     table_height_m: f64,
-    loaded: Option<Box<dyn Completer>>,
+    loaded: Option<Arc<dyn Completer>>,
 }
 
 impl Completers {
@@ -21,13 +24,23 @@ impl Completers {
             choice: config.completer.clone(),
             completion: config.completion.clone(),
             table_height_m: config.metric.table_height_m,
-            loaded: foreign,
+            loaded: foreign.map(Arc::from),
         };
         let is_python = matches!(completers.choice, CompleterChoice::Python(_));
         if is_python || config.completion.weights.file().is_some() {
             completers.get()?;
         }
         Ok(completers)
+    }
+
+    /// Whether two configurations make the same of every view. All of `[completion]` shapes that,
+    /// `points` too: it is the size of the completions of single views, not only of the fused one.
+    pub(crate) fn are_alike(one: &Config, other: &Config) -> bool {
+        // What the network "cloud" is asked about, it sees above the table.
+        let by_table = one.completer == CompleterChoice::Cloud;
+        one.completer == other.completer
+            && one.completion == other.completion
+            && (!by_table || one.metric.table_height_m == other.metric.table_height_m)
     }
 
     /// Whether nothing completes objects.
@@ -43,16 +56,16 @@ impl Completers {
         Ok(self.loaded.as_deref())
     }
 
-    fn load(&self) -> Result<Option<Box<dyn Completer>>, PipelineError> {
+    fn load(&self) -> Result<Option<Arc<dyn Completer>>, PipelineError> {
         let CompletionConfig {
             points, weights, ..
         } = &self.completion;
         Ok(match &self.choice {
-            CompleterChoice::Cloud => Some(Box::new(match weights.file() {
+            CompleterChoice::Cloud => Some(Arc::new(match weights.file() {
                 None => CloudCompleter::embedded(self.table_height_m, *points)?,
                 Some(path) => CloudCompleter::from_file(path, self.table_height_m, *points)?,
             })),
-            CompleterChoice::CenterSnap => Some(Box::new(match weights.file() {
+            CompleterChoice::CenterSnap => Some(Arc::new(match weights.file() {
                 None => CenterSnap::embedded()?,
                 Some(path) => CenterSnap::from_file(path)?,
             })),

@@ -87,6 +87,36 @@ pub enum PipelineError {
         /// Distance kept from observed points, metres.
         free_margin_m: f64,
     },
+    /// A reconfigured pipeline was asked about completions that it does not have yet.
+    #[error(
+        "{completed} of {frames} frames are completed under this configuration; pass the others to \
+         complete_frame in their order, frame {completed} next"
+    )]
+    NotCompleted {
+        /// Frames completed.
+        completed: usize,
+        /// Frames in the map.
+        frames: usize,
+    },
+    /// A frame to complete that is not the next one.
+    #[error("frame {index} cannot be completed now: {next}")]
+    CompletionOrder {
+        /// The frame.
+        index: usize,
+        /// What can be.
+        next: String,
+    },
+    /// A frame to complete that is not the one that was mapped.
+    #[error(
+        "frame {index} was mapped with {mapped}; pass the frame and the detections that it was \
+         added with"
+    )]
+    OtherFrame {
+        /// Its index.
+        index: usize,
+        /// What differs, and how.
+        mapped: String,
+    },
     /// An input no stage can work with.
     #[error(transparent)]
     Input(#[from] InvalidInput),

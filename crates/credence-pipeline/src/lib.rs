@@ -7,6 +7,9 @@
 //! it about test points; [`Pipeline::annotate`] writes its confidences into the map. All models
 //! answer the same question from the same training and test points. This is the one crate that
 //! knows all stages, and it never sees the truth they are judged by.
+//!
+//! Each stage need be computed once only: [`Pipeline::add_segmented`] takes kept instances, and
+//! [`Pipeline::reconfigured`] carries a map over to another configuration of what follows it.
 
 mod classify;
 mod completers;

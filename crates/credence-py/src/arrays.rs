@@ -132,3 +132,8 @@ pub(crate) fn from_points(points: &[Point]) -> Array2<f64> {
 pub(crate) fn from_colours(colours: &[[u8; 3]]) -> Array2<u8> {
     Array2::from_shape_fn((colours.len(), 3), |(row, channel)| colours[row][channel])
 }
+
+/// Vectors as an (n, 3) array.
+pub(crate) fn rows(vectors: &[[f64; 3]]) -> Array2<f64> {
+    Array2::from_shape_fn((vectors.len(), 3), |(row, axis)| vectors[row][axis])
+}

@@ -15,10 +15,12 @@ mod function;
 mod gp;
 mod map;
 mod pipeline;
+mod predictions;
 mod score;
 mod segmentation;
 mod segmenter;
 mod stages;
+mod training;
 
 use pyo3::prelude::*;
 
@@ -29,10 +31,10 @@ mod _native {
         completion::PyCompletion,
         gp::{gp_log_likelihood, gp_posterior},
         map::{PyMappedObject, PyOccupancyMap, PyVoxels},
-        pipeline::{
-            PyHyperparameters, PyPipeline, PyPredictions, PyTrainingSet, check_pipeline_config,
-        },
+        pipeline::{PyPipeline, check_pipeline_config},
+        predictions::{PyHyperparameters, PyPredictions},
         score::{PyMeshTruth, binary_metrics, nearest_observation},
         segmentation::{PyDetection, PySegmenter},
+        training::PyTrainingSet,
     };
 }

@@ -1,22 +1,19 @@
 //! The pipeline: frames in, predictions out.
 
-use std::collections::BTreeMap;
-
-use credence_pipeline::{
-    Classification, Config, ModelChoice, NetworkView, Pipeline, PipelineError, StageTime,
-    TrainingSet, gp::Hyperparameters, map::ObjectId,
-};
-use credence_types::{Category, Point, Prediction};
-use numpy::{PyArray1, PyArray2, ToPyArray as _, ndarray::Array2};
+use credence_pipeline::{Config, ModelChoice, Pipeline, PipelineError, StageTime, map::ObjectId};
+use numpy::{PyArray1, PyArray2, ToPyArray as _};
 use pyo3::{prelude::*, types::PyMapping};
 
 use crate::{
-    arrays::{self, Array},
+    arrays::{Array, rows},
     completion::PyCompletion,
     errors::to_python,
     frame::read_frame,
     map::{PyMappedObject, PyOccupancyMap, PyVoxels},
+    predictions::PyPredictions,
+    segmentation::read_detections,
     stages,
+    training::PyTrainingSet,
 };
 
 /// Checks the JSON text of a pipeline configuration, whether a pipeline can be made of it, and
@@ -30,205 +27,6 @@ pub(crate) fn check_pipeline_config(py: Python<'_>, text: &str) -> PyResult<Stri
     let (whole, config) = read().map_err(|err: PipelineError| to_python(&err))?;
     stages::pipeline(py, config)?;
     Ok(whole)
-}
-
-/// What a classifier learns about one object.
-#[pyclass(name = "TrainingSet", module = "harness._native", frozen)]
-pub(crate) struct PyTrainingSet(TrainingSet);
-
-#[pymethods]
-impl PyTrainingSet {
-    #[new]
-    #[pyo3(signature = (points_world, classes, *, viewpoint_world = None))]
-    fn new(
-        points_world: Array<'_, f64>,
-        classes: Array<'_, u8>,
-        viewpoint_world: Option<Array<'_, f64>>,
-    ) -> PyResult<Self> {
-        let points_world = points_world.points("points_world")?;
-        let classes = classes.values("classes", &[Some(points_world.len())])?;
-        let viewpoint = viewpoint_world
-            .map(|viewpoint| viewpoint.values("viewpoint_world", &[Some(3)]))
-            .transpose()?;
-        let made = || {
-            let set = TrainingSet::new(points_world, classes)?;
-            match viewpoint {
-                None => Ok(set),
-                Some(v) => set.with_viewpoint(Point::new(v[0], v[1], v[2])),
-            }
-        };
-        made()
-            .map(Self)
-            .map_err(|err: PipelineError| to_python(&err))
-    }
-
-    /// Mean camera centre of the views of the object, (3,), if it is known.
-    #[getter]
-    fn viewpoint_world<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
-        let viewpoint = self.0.viewpoint_world()?;
-        Some(viewpoint.coords.as_slice().to_pyarray(py))
-    }
-
-    #[getter]
-    fn points_world<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
-        arrays::from_points(self.0.points_world()).to_pyarray(py)
-    }
-
-    #[getter]
-    fn classes<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u8>> {
-        self.0.classes().to_pyarray(py)
-    }
-}
-
-/// Fitted hyperparameters of one class's process.
-#[pyclass(name = "Hyperparameters", module = "harness._native", frozen)]
-pub(crate) struct PyHyperparameters(Hyperparameters);
-
-#[pymethods]
-impl PyHyperparameters {
-    #[getter]
-    const fn lengthscale_m(&self) -> f64 {
-        self.0.lengthscale
-    }
-
-    #[getter]
-    const fn outputscale(&self) -> f64 {
-        self.0.outputscale
-    }
-
-    #[getter]
-    const fn mean(&self) -> f64 {
-        self.0.mean
-    }
-}
-
-/// What a classifier says of test points.
-#[pyclass(name = "Predictions", module = "harness._native", frozen)]
-pub(crate) struct PyPredictions(Classification);
-
-impl PyPredictions {
-    fn column<'py, T: numpy::Element>(
-        &self,
-        py: Python<'py>,
-        value: impl Fn(&Prediction) -> T,
-    ) -> Bound<'py, PyArray1<T>> {
-        let values: Vec<T> = self.0.predictions.points.iter().map(value).collect();
-        values.to_pyarray(py)
-    }
-
-    fn names(&self) -> impl Iterator<Item = &'static str> {
-        let classes = self.0.predictions.classes.iter();
-        classes.map(|class| Category::from_class(*class).map_or("free", Category::name))
-    }
-}
-
-#[pymethods]
-impl PyPredictions {
-    /// Names of the classes that the classifier chose from, in the order of the probabilities.
-    #[getter]
-    fn class_names(&self) -> Vec<&'static str> {
-        self.names().collect()
-    }
-
-    #[getter]
-    fn classes<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u8>> {
-        self.column(py, |point| point.class)
-    }
-
-    #[getter]
-    fn probabilities<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
-        let predictions = &self.0.predictions;
-        let classes = predictions.classes.len();
-        Array2::from_shape_fn((predictions.points.len(), classes), |(point, class)| {
-            predictions.probabilities[point * classes + class]
-        })
-        .to_pyarray(py)
-    }
-
-    #[getter]
-    fn variance<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        self.column(py, |point| point.variance)
-    }
-
-    #[getter]
-    fn score<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        self.column(py, |point| point.score)
-    }
-
-    #[getter]
-    fn confidence<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        self.column(py, |point| point.confidence)
-    }
-
-    #[getter]
-    const fn clamped_share(&self) -> f64 {
-        self.0.predictions.clamped_share
-    }
-
-    /// Whether each point's variance was below zero and clamped.
-    #[getter]
-    fn clamped<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
-        self.0.clamped.to_pyarray(py)
-    }
-
-    #[getter]
-    const fn jitter(&self) -> f64 {
-        self.0.predictions.jitter
-    }
-
-    #[getter]
-    fn hyperparameters(&self) -> BTreeMap<&'static str, PyHyperparameters> {
-        let values = self.0.hyperparameters.iter().copied();
-        self.names().zip(values.map(PyHyperparameters)).collect()
-    }
-
-    /// Variance of the latent difference between the object's category and free space.
-    #[getter]
-    fn difference_variance<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
-        let variance = self.0.difference_variance.as_ref()?;
-        Some(variance.to_pyarray(py))
-    }
-
-    /// Weight of the model against its fallback; 1 without one.
-    #[getter]
-    const fn gate(&self) -> f64 {
-        self.0.gate
-    }
-
-    /// The query network's own probability of the object's category.
-    #[getter]
-    fn prior_probability<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
-        let network = self.0.network.as_ref()?;
-        Some(network.probability.to_pyarray(py))
-    }
-
-    /// Place of each point in the unit ball.
-    #[getter]
-    fn embedding<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray2<f64>>> {
-        let network = self.0.network.as_ref()?;
-        Some(rows(&network.embedding).to_pyarray(py))
-    }
-
-    /// Mean negative log likelihood of the training points under the query network.
-    #[getter]
-    fn ood(&self) -> Option<f64> {
-        self.0
-            .network
-            .as_ref()
-            .map(|network: &NetworkView| network.ood)
-    }
-
-    /// Number of classes whose fit did not end by its tolerances.
-    #[getter]
-    fn fits_unconverged(&self) -> usize {
-        self.0.fits.iter().filter(|fit| !fit.converged).count()
-    }
-
-    /// Number of classes whose hyperparameters ended at the edge of the range searched.
-    #[getter]
-    fn fits_at_bound(&self) -> usize {
-        self.0.fits.iter().filter(|fit| fit.at_bound).count()
-    }
 }
 
 /// A (logits, directions) pair, (n,) and (n, 3).
@@ -265,7 +63,8 @@ impl PyPipeline {
 
     /// Inserts a frame; returns the ids of the objects seen, in the order of the instances.
     #[pyo3(signature = (
-        *, rgb, depth_m, intrinsics, world_from_camera, instance_ids = None, categories = None
+        *, rgb, depth_m, intrinsics, world_from_camera, instance_ids = None, categories = None,
+        detections = None
     ))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments in Python")]
     fn add_frame(
@@ -277,6 +76,7 @@ impl PyPipeline {
         world_from_camera: Array<'_, f64>,
         instance_ids: Option<Array<'_, u16>>,
         categories: Option<&Bound<'_, PyMapping>>,
+        detections: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Vec<Option<u32>>> {
         let frame = read_frame(
             py,
@@ -287,10 +87,61 @@ impl PyPipeline {
             instance_ids.as_ref(),
             categories,
         )?;
+        let instances = detections
+            .map(|detections| read_detections(detections, &frame))
+            .transpose()?;
         py.detach(|| {
-            let report = self.0.add_frame(&frame).map_err(|err| to_python(&err))?;
-            Ok(report.objects.iter().map(|id| id.map(|id| id.0)).collect())
+            let report = match &instances {
+                None => self.0.add_frame(&frame),
+                Some(instances) => self.0.add_segmented(&frame, instances),
+            };
+            let objects = report.map_err(|err| to_python(&err))?.objects;
+            Ok(objects.iter().map(|id| id.map(|id| id.0)).collect())
         })
+    }
+
+    /// A pipeline that stands where this one does, under another configuration of the later stages.
+    fn reconfigured(&self, py: Python<'_>, config: &str) -> PyResult<Self> {
+        let config = Config::from_json(config).map_err(|err| to_python(&err))?;
+        stages::reconfigured(py, &self.0, config).map(Self)
+    }
+
+    /// Indices of the frames that a reconfigured pipeline is to complete again.
+    #[getter]
+    fn frames_to_complete(&self) -> Vec<usize> {
+        self.0.frames_to_complete().collect()
+    }
+
+    /// Completes the objects of the next of them.
+    #[pyo3(signature = (
+        index, *, rgb, depth_m, intrinsics, world_from_camera, instance_ids = None,
+        categories = None, detections
+    ))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments in Python")]
+    fn complete_frame(
+        &mut self,
+        py: Python<'_>,
+        index: usize,
+        rgb: Array<'_, u8>,
+        depth_m: Array<'_, f32>,
+        intrinsics: &Bound<'_, PyAny>,
+        world_from_camera: Array<'_, f64>,
+        instance_ids: Option<Array<'_, u16>>,
+        categories: Option<&Bound<'_, PyMapping>>,
+        detections: &Bound<'_, PyAny>,
+    ) -> PyResult<()> {
+        let frame = read_frame(
+            py,
+            &rgb,
+            &depth_m,
+            intrinsics,
+            &world_from_camera,
+            instance_ids.as_ref(),
+            categories,
+        )?;
+        let instances = read_detections(detections, &frame)?;
+        py.detach(|| self.0.complete_frame(index, &frame, &instances))
+            .map_err(|err| to_python(&err))
     }
 
     /// The tracked objects by rising id.
@@ -417,8 +268,4 @@ impl PyPipeline {
         };
         self.0.times().iter().map(row).collect()
     }
-}
-
-fn rows(vectors: &[[f64; 3]]) -> Array2<f64> {
-    Array2::from_shape_fn((vectors.len(), 3), |(row, axis)| vectors[row][axis])
 }

@@ -79,11 +79,11 @@ pub(crate) fn register(
 }
 
 /// The completions of all objects, view by view.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Completions(BTreeMap<ObjectId, Kept>);
 
 /// What the views gave of one object.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 struct Kept {
     completions: Vec<ObjectCompletion>,
     /// The last view's reason for having none.

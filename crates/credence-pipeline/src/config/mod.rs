@@ -1,5 +1,6 @@
 mod choices;
 mod completion;
+mod difference;
 mod gp;
 mod map;
 mod metric;

@@ -1,20 +1,26 @@
+mod completing;
+mod mapped_frame;
+mod reconfigured;
 #[cfg(test)]
 mod tests;
 
-use std::time::{Duration, Instant};
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
 
-use credence_complete::{CompleteError, Completer};
+use credence_complete::Completer;
 use credence_embed::QueryEmbedding;
 use credence_map::{InsertReport, ObjectId, SemanticMap};
 use credence_segment::Segmenter;
 use credence_types::{Frame, Instance, InvalidInput, Point};
+use mapped_frame::MappedFrame;
 
 use crate::{
-    ChosenSegmenter, Classification, Config, ModelChoice, ObjectCompletion, PipelineError,
-    TrainingSet,
+    ChosenSegmenter, Classification, Config, ModelChoice, PipelineError, TrainingSet,
     classify::Evidence,
     completers::Completers,
-    completion::{Completions, View, register},
+    completion::Completions,
     embedders::Embedders,
     models::{Question, Stopwatch, answer, embed_from},
     training::Viewpoints,
@@ -43,11 +49,16 @@ pub struct Foreign {
 /// From frames to a semantic map to classified points.
 pub struct Pipeline {
     config: Config,
-    segmenter: ChosenSegmenter,
+    /// Shared with the pipelines made of this one by [`reconfigured`](Self::reconfigured).
+    segmenter: Arc<ChosenSegmenter>,
     completers: Completers,
     map: SemanticMap,
     viewpoints: Viewpoints,
     completions: Completions,
+    frames: Vec<MappedFrame>,
+    /// Of how many frames, from the first on, `completions` holds what the completer made: of all
+    /// but in a pipeline that was reconfigured.
+    completed_frames: usize,
     embedders: Embedders,
     times: Vec<StageTime>,
 }
@@ -69,11 +80,13 @@ impl Pipeline {
     pub fn with(config: Config, foreign: Foreign) -> Result<Self, PipelineError> {
         config.check()?;
         Ok(Self {
-            segmenter: ChosenSegmenter::new(&config, foreign.segmenter)?,
+            segmenter: Arc::new(ChosenSegmenter::new(&config, foreign.segmenter)?),
             completers: Completers::new(&config, foreign.completer)?,
             map: SemanticMap::new(config.map.settings())?,
             viewpoints: Viewpoints::default(),
             completions: Completions::default(),
+            frames: Vec::new(),
+            completed_frames: 0,
             embedders: Embedders::new(&config.metric)?,
             times: Vec::new(),
             config,
@@ -98,101 +111,55 @@ impl Pipeline {
     /// Segments a frame, completes the objects in it and inserts it into the map.
     ///
     /// # Errors
-    /// A frame that the segmenter, the completer or the map refuses; nothing is changed then.
+    /// A frame that the segmenter, the completer or the map refuses, earlier frames that are not
+    /// [completed again](Self::complete_frame); nothing is changed then.
     pub fn add_frame(&mut self, frame: &Frame) -> Result<InsertReport, PipelineError> {
+        self.check_completed()?;
         let start = Instant::now();
         let instances = self.segmenter.segment(frame)?;
         self.note("segment", None, start.elapsed());
-        let views = self.complete(frame, &instances)?;
+        self.insert(frame, &instances)
+    }
+
+    /// [`add_frame`](Self::add_frame) with these instances in place of those that the segmenter
+    /// would find: its own, kept, give the same bits.
+    ///
+    /// # Errors
+    /// Those of [`add_frame`](Self::add_frame), a mask of another size than the frame's.
+    pub fn add_segmented(
+        &mut self,
+        frame: &Frame,
+        instances: &[Instance],
+    ) -> Result<InsertReport, PipelineError> {
+        self.check_completed()?;
+        for instance in instances {
+            instance.check_fits(frame.intrinsics())?;
+        }
+        self.insert(frame, instances)
+    }
+
+    fn insert(
+        &mut self,
+        frame: &Frame,
+        instances: &[Instance],
+    ) -> Result<InsertReport, PipelineError> {
+        let views = self.complete(frame, instances)?;
         let start = Instant::now();
-        let report = self.map.insert(frame, &instances)?;
+        let report = self.map.insert(frame, instances)?;
         for id in &report.deleted {
             self.viewpoints.forget(*id);
-            self.completions.forget(*id);
         }
         let camera_world = frame.world_from_camera().origin();
         for id in report.objects.iter().flatten() {
             self.viewpoints.note(*id, &camera_world);
         }
-        for (id, view) in report.objects.iter().zip(views) {
-            if let Some(id) = id {
-                let points = self.config.completion.points;
-                self.completions.note(*id, view, frame, points);
-            }
-        }
+        let mapped = MappedFrame::new(frame, &report);
+        let points = self.config.completion.points;
+        mapped.note(&mut self.completions, views, frame, points);
+        self.frames.push(mapped);
+        self.completed_frames += 1;
         self.note("map", None, start.elapsed());
         Ok(report)
-    }
-
-    /// What the completer makes of the instances, one by one; nothing without one or the other.
-    fn complete(
-        &mut self,
-        frame: &Frame,
-        instances: &[Instance],
-    ) -> Result<Vec<View>, PipelineError> {
-        if instances.is_empty() {
-            return Ok(Vec::new());
-        }
-        let Some(completer) = self.completers.get()? else {
-            return Ok(Vec::new());
-        };
-        let start = Instant::now();
-        let completed = completer.complete(frame, instances)?;
-        if completed.len() != instances.len() {
-            return Err(CompleteError::Count {
-                found: completed.len(),
-                expected: instances.len(),
-            }
-            .into());
-        }
-        let mut views: Vec<View> = completed
-            .into_iter()
-            .map(|completed| completed.map(|completion| (completion, None)))
-            .collect();
-        self.note("complete", None, start.elapsed());
-        if self.config.completion.refine {
-            let start = Instant::now();
-            register(frame, instances, &mut views)?;
-            self.note("refine", None, start.elapsed());
-        }
-        Ok(views)
-    }
-
-    /// The completed shape of an object: what all views gave, together. `None` if no view
-    /// completed it: see [`uncompleted`](Self::uncompleted).
-    ///
-    /// # Errors
-    /// An id that is not tracked.
-    pub fn completion(&mut self, id: ObjectId) -> Result<Option<ObjectCompletion>, PipelineError> {
-        let start = Instant::now();
-        let config = &self.config.completion;
-        let fused = self.completions.fused(id, &self.map, config)?;
-        if fused.is_some() {
-            self.note("fuse", None, start.elapsed());
-        }
-        Ok(fused)
-    }
-
-    /// What each view that completed an object gave of it, in their order.
-    ///
-    /// # Errors
-    /// An id that is not tracked.
-    pub fn view_completions(&self, id: ObjectId) -> Result<&[ObjectCompletion], PipelineError> {
-        self.map.object(id)?;
-        Ok(self.completions.of(id))
-    }
-
-    /// Why an object has no completion, by the last view of it; `None` if it has one.
-    ///
-    /// # Errors
-    /// An id that is not tracked.
-    pub fn uncompleted(&self, id: ObjectId) -> Result<Option<String>, PipelineError> {
-        self.map.object(id)?;
-        if self.completers.is_none() {
-            let why = "no completer is chosen; set completer in the configuration";
-            return Ok(Some(why.to_owned()));
-        }
-        Ok(self.completions.uncompleted(id).map(ToString::to_string))
     }
 
     /// Draws the training points of an object.
