@@ -1,0 +1,46 @@
+"""How far confidences can be trusted, from what a run recorded.
+
+For figures and reports, all from `summarise_run`:
+
+- `Calibration`: a run at a tolerance; its `cells`, one `CalibrationCell` for each class, test set
+  and model; a cell's `series`, a `SeriesSummary` for each score by name (`SERIES`).
+- `SeriesSummary.pooled`, `.pooled_equal_mass`: `Reliability`, the diagram over the points of all
+  scenes (None for the baselines, and where a series is no probability).
+- `SeriesSummary.mean_risk` over `COVERAGES`: the mean over scenes of the risk-coverage curve, and
+  `SeriesSummary.risks` (scenes, coverages) with `CalibrationCell.objects_of_scenes` for intervals.
+- `SeriesSummary.metrics`: a `MeanEstimate` for each of `METRICS`, with intervals over objects.
+
+On arrays: `reliability` and `risk_coverage`. Thresholds: `choose_threshold`, `judge_threshold` and
+`validate_choice`.
+"""
+
+from __future__ import annotations
+
+from harness.calibration.probabilities import (
+    BINS,
+    BrierParts,
+    Reliability,
+    brier_parts,
+    negative_log_likelihood,
+    reliability,
+)
+from harness.calibration.ranking import (
+    COVERAGES,
+    RiskCoverage,
+    precision_at,
+    risk_at,
+    risk_coverage,
+)
+from harness.calibration.scene_metrics import (
+    PRECISION_COVERAGES,
+    PROBABILITY_METRICS,
+    RANKING_METRICS,
+)
+from harness.calibration.series import BASELINES, SCORES, SERIES
+from harness.calibration.summary import (
+    METRICS,
+    Calibration,
+    CalibrationCell,
+    SeriesSummary,
+    summarise_run,
+)
