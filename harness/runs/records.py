@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 
+import polars as pl
+
 from harness.runs.tabular import check_types, read_rows, schema_of, write_rows
 
 if TYPE_CHECKING:
@@ -70,7 +72,7 @@ class Variant:
     segmenter: str = "oracle"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Record:
     """A classifier's result on one scene at one tolerance.
 
@@ -228,7 +230,7 @@ class Record:
         return (self.scene_id, self.model, self.completion, self.segmenter, self.tolerance_m)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Timing:
     """Wall time of one stage of one scene.
 
@@ -293,7 +295,24 @@ def read_records(path: Path) -> list[Record]:
     InputError
         The file is missing, damaged or of another schema.
     """
-    return read_rows(path, row=Record)
+    return read_rows(path, row=Record, problem_of=_problem_of)
+
+
+def _problem_of(frame: pl.DataFrame) -> str | None:
+    """Say which record of a file `Record` would refuse."""
+    status, counts = pl.col("status"), pl.sum_horizontal(COUNTS)
+    stated = pl.all_horizontal(pl.col(*COUNTS, "test_points").is_not_null())
+    refusals = {
+        "its status is neither 'ok' nor 'failed'": ~status.is_in(("ok", "failed")),
+        "a failure is stated exactly where status is 'failed'": (status == "failed")
+        != pl.col("failure").is_not_null(),
+        "tp, tn, fp, fn do not add up to test_points": (status == "ok")
+        & ~(stated & (counts == pl.col("test_points"))),
+    }
+    for problem, refused in refusals.items():
+        if (found := frame.filter(refused.fill_null(value=True))).height:
+            return f"{found['scene_id'][0]}: {problem}"
+    return None
 
 
 def read_timings(path: Path) -> list[Timing]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import math
-from dataclasses import asdict, fields
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any, TypeVar, get_type_hints
 
 import polars as pl
@@ -13,8 +13,10 @@ from harness.errors import InputError
 from harness.runs.atomic import write_atomically
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
     from pathlib import Path
+
+    RowsCheck = Callable[[pl.DataFrame], str | None]
 
 Row = TypeVar("Row")
 
@@ -53,7 +55,8 @@ def schema_of(row: type) -> pl.Schema:
 
 def write_rows(rows: Sequence[Any], path: Path, *, schema: pl.Schema) -> None:
     """Write dataclasses as Parquet, in their order."""
-    write_parquet(pl.DataFrame([asdict(row) for row in rows], schema=schema), path)
+    columns = {name: [getattr(row, name) for row in rows] for name in schema}
+    write_parquet(pl.DataFrame(columns, schema=schema), path)
 
 
 def write_parquet(frame: pl.DataFrame, path: Path) -> None:
@@ -67,29 +70,76 @@ def write_parquet(frame: pl.DataFrame, path: Path) -> None:
     write_atomically(path, lambda file: file.write(content.getbuffer()))
 
 
-def read_rows(path: Path, *, row: type[Row]) -> list[Row]:
+def read_rows(path: Path, *, row: type[Row], problem_of: RowsCheck | None = None) -> list[Row]:
     """Read what `write_rows` wrote.
+
+    What a row's own constructor refuses is looked for column by column, and no row is checked by
+    itself: a run may hold 100,000 rows of 50 fields.
+
+    Parameters
+    ----------
+    row
+        A dataclass whose fields are the columns.
+    problem_of
+        Says what is wrong with rows beyond the types of their fields, None where nothing is.
 
     Raises
     ------
     InputError
-        The file is missing, damaged or of another schema.
+        The file is missing, damaged, of another schema, or holds what no row can.
     """
     schema = schema_of(row)
+    again = f"delete it and resume the run with `harness bench --out {path.parent}`"
     try:
         frame = pl.read_parquet(path)
     except FileNotFoundError:
-        raise InputError(f"{path} is missing; finish the run with `harness bench --out`") from None
+        raise InputError(
+            f"{path} is missing; finish the run with `harness bench --out {path.parent}`"
+        ) from None
     except (OSError, pl.exceptions.PolarsError) as error:
         reason = str(error).splitlines()[0]
-        raise InputError(f"{path} is damaged ({reason}); delete it and resume the run") from None
+        raise InputError(f"{path} is damaged ({reason}); {again}") from None
     if frame.schema != schema:
         odd = sorted(set(frame.schema.items()) ^ set(schema.items()), key=str)
         raise InputError(
             f"{path} has other columns than this version's ({odd[0][0] if odd else 'order'}); "
             "read it with the version named in its manifest.json"
         )
-    return [row(**values) for values in frame.to_dicts()]
+    problem = _type_problem(frame, row=row) or (problem_of(frame) if problem_of else None)
+    if problem:
+        raise InputError(f"{path} holds what no run writes ({problem}); {again}")
+    return _construct(frame, row=row)
+
+
+def _type_problem(frame: pl.DataFrame, *, row: type) -> str | None:
+    """Say which value `check_types` would refuse."""
+    for name, (kind, nullable) in _column_types(row).items():
+        column = frame[name]
+        refused = [] if nullable else [column.is_null()]
+        if kind is float:
+            refused.append(~column.is_finite())
+        for mask in refused:
+            if (places := mask.fill_null(value=False).arg_true()).len():
+                value, where = column[places[0]], frame["scene_id"][places[0]]
+                return f"{where}: {name} is {'null' if value is None else value}"
+    return None
+
+
+def _construct(frame: pl.DataFrame, *, row: type[Row]) -> list[Row]:
+    """Make the rows of a frame that was checked, past their own checks."""
+    # A few strings, such as models and classes, stand in many rows: each is kept once.
+    known: dict[str, str] = {}
+    columns = []
+    for column in frame:
+        values = column.to_list()
+        if column.dtype == pl.String():
+            values = [value and known.setdefault(value, value) for value in values]
+        columns.append(values)
+    rows = [object.__new__(row) for _ in range(frame.height)]
+    for name, values in zip(frame.columns, columns, strict=True):
+        for item, value in zip(rows, values, strict=True):
+            object.__setattr__(item, name, value)
+    return rows
 
 
 def _column_types(row: type) -> dict[str, tuple[type, bool]]:

@@ -138,6 +138,46 @@ def test_files_of_records_that_cannot_be_read(tmp_path: Path) -> None:
         read_records(path)
 
 
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        ({"precision": float("nan")}, "mug-0000: precision is nan"),
+        ({"brier": float("-inf")}, "mug-0000: brier is -inf"),
+        ({"model": None}, "mug-0000: model is null"),
+        ({"status": "fine"}, "mug-0000: its status is neither 'ok' nor 'failed'"),
+        ({"status": "failed"}, "mug-0000: a failure is stated exactly where status is 'failed'"),
+        ({"failure": "no"}, "mug-0000: a failure is stated exactly where status is 'failed'"),
+        ({"fp": None}, "mug-0000: tp, tn, fp, fn do not add up to test_points"),
+        ({"test_points": 999}, "mug-0000: tp, tn, fp, fn do not add up to test_points"),
+    ],
+)
+def test_a_file_holds_no_record_that_would_be_refused(
+    tmp_path: Path, change: dict[str, Any], problem: str
+) -> None:
+    path = tmp_path / "records.parquet"
+    good = {**dataclasses.asdict(RECORD), "scene_id": "bowl-0000"}
+    rows = [good, dataclasses.asdict(RECORD) | change]
+    pl.DataFrame(rows, schema=RECORD_SCHEMA).write_parquet(path)
+    with pytest.raises(InputError) as caught:
+        read_records(path)
+    assert str(caught.value) == (
+        f"{path} holds what no run writes ({problem}); delete it and resume the run with "
+        f"`harness bench --out {tmp_path}`"
+    )
+
+
+def test_a_failed_record_reads_back(tmp_path: Path) -> None:
+    path = tmp_path / "records.parquet"
+    failed = Record.failed(
+        JOB, variant=Variant("metric"), views=3, tolerance_m=0.005, failure="lost"
+    )
+    write_records([RECORD, failed], path)
+    assert read_records(path) == [RECORD, failed]
+    # Rows share the strings that they repeat.
+    first, second = read_records(path)
+    assert first.scene_id is second.scene_id
+
+
 def test_fragment_round_trip_is_exact(tmp_path: Path) -> None:
     third = dataclasses.replace(RECORD, auroc=1 / 3, brier=5e-324)
     path = tmp_path / "mug-0000.json"
