@@ -14,7 +14,7 @@ from statistics import NormalDist
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 RESAMPLES = 10_000
 CONFIDENCE = 0.95
@@ -136,7 +136,7 @@ def bootstrap_interval(
     without = (values.sum() - sums) / (values.size - sizes)
     left_out = without.mean() - without
     acceleration = np.sum(left_out**3) / (6.0 * np.sum(left_out**2) ** 1.5)
-    spread = math.sqrt(count / (count - 1)) * student.ppf((1.0 + confidence) / 2.0, count - 1)
+    spread = math.sqrt(count / (count - 1)) * float(stdtrit(count - 1, (1 + confidence) / 2))
     shares = [normal.cdf(z0 + z / (1.0 - acceleration * z)) for z in (z0 - spread, z0 + spread)]
     low, high = np.quantile(means, shares)
     return float(low), float(high)

@@ -19,7 +19,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from harness.statistics.intervals import LEAST_OBJECTS, bootstrap_interval
 
@@ -225,7 +225,7 @@ def detectable_errors(objects: int, *, alternative: Alternative) -> float | None
     if level == 0.0:
         return None
     tail = level / 2 if alternative == "two-sided" else level
-    return sum(float(student.ppf(share, objects - 1)) for share in (1 - tail, POWER))
+    return sum(float(stdtrit(objects - 1, share)) for share in (1 - tail, POWER))
 
 
 def _minimum_detectable(
