@@ -233,15 +233,43 @@ def load_config(
         The file cannot be read or parsed, a key is unknown, a value is out of range.
     """
     source = "the built-in defaults" if path is None else str(path)
-    table = {} if path is None else _read_toml(path)
+    table = {} if path is None else read_toml(path)
+    folder = None if path is None else path.resolve().parent
+    return config_of(
+        table, source=source, folder=folder, overrides=overrides, check_pipeline=check_pipeline
+    )
+
+
+def config_of(
+    table: dict[str, Any],
+    *,
+    source: str,
+    folder: Path | None,
+    overrides: tuple[Override, ...] = (),
+    check_pipeline: PipelineCheck | None = None,
+) -> Config:
+    """Make a configuration of a table; raises like `load_config`.
+
+    Parameters
+    ----------
+    table
+        The configuration's tables; the overrides are written into it.
+    source
+        Where it comes from, for messages.
+    folder
+        What a relative ``scenes.objects`` counts from.
+    overrides, check_pipeline
+        As for `load_config`.
+    """
     misfits = itertools.chain(
         _misfits(table, model=Config, prefix=""),
         _beyond_json(table.get("pipeline", {}), key="pipeline"),
     )
     if misfit := next(misfits, None):
         raise InputError(f"{source}: {misfit}")
-    if path is not None and isinstance(objects := table.get("scenes", {}).get("objects"), str):
-        table["scenes"]["objects"] = os.path.normpath(path.resolve().parent / objects)
+    objects = table.get("scenes", {}).get("objects")
+    if folder is not None and isinstance(objects, str):
+        table["scenes"]["objects"] = os.path.normpath(folder / objects)
     for override in overrides:
         _set(table, key=override.key, value=override.value)
     try:
@@ -300,7 +328,14 @@ def _rust_pipeline_check(table_json: str) -> str:
     return check_pipeline_config(table_json)
 
 
-def _read_toml(path: Path) -> dict[str, Any]:
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file.
+
+    Raises
+    ------
+    InputError
+        It cannot be read or parsed.
+    """
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

@@ -47,7 +47,8 @@ from harness.runs.directory import CONFIG, RunDirectory, default_folder, open_ru
 from harness.runs.progress import Progress, SilentProgress
 from harness.runs.records import SceneResult
 from harness.runs.tabular import write_parquet
-from harness.scene_run import StageClock, evaluate_scene, map_scene
+from harness.scene_run import evaluate_scene, map_scene
+from harness.stages.clock import StageClock
 from sim_scenes import BopError, open_bop
 from sim_scenes.streams import stream
 

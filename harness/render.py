@@ -22,9 +22,10 @@ from harness.errors import InputError
 from harness.native import CLASS_NAMES, MeshTruth
 from harness.pictures import CLASS_COLOURS, fit_width, label, write_picture
 from harness.runs.job import plan_jobs
-from harness.scene_run import ORACLE, map_scene, simulate_job
+from harness.scene_run import map_scene, simulate_job
 from harness.segmentation.pictures import Instance, draw_instances
 from harness.segmentation.segmenter import make_segmenter, segment_frame, truth_for
+from harness.truth import ORACLE
 from sim_scenes import SceneError
 
 if TYPE_CHECKING:

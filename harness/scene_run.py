@@ -2,74 +2,30 @@
 
 from __future__ import annotations
 
-import time
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+import json
+from dataclasses import replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from harness.asked import gather_test_sets
 from harness.missed import answer_missed
-from harness.native import MeshTruth, Pipeline, Segmenter, nearest_observation
+from harness.native import Pipeline, check_pipeline_config, nearest_observation
 from harness.protocol import COMPLETED, completion_name, true_categories
 from harness.recordings.file import encode
 from harness.recordings.make import model_answers, record_scene
-from harness.recordings.watch import MapWatch
-from harness.runs.records import Record, SceneResult, Timing, Variant
+from harness.runs.records import Record, SceneResult, Variant
 from harness.scoring import Answers, confusion, score
+from harness.stages.clock import StageClock
+from harness.stages.mapping import frame_arguments
+from harness.stages.memo import Memo
+from harness.stages.scene import SceneStages
+from harness.truth import ORACLE, TargetMissedError
 from sim_scenes import DepthNoise, SceneSpec, load_object_set, simulate
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
     from harness.config import Config
-    from harness.native import MappedObject
     from harness.recordings.recording import ModelAnswers
     from harness.runs.job import SceneJob
-    from sim_scenes import Frame, Scene, SceneObject
-
-
-ORACLE = "oracle"
-"""The segmenter that stands for the truth."""
-
-ON_TARGET_M = 0.010
-"""Points of a mapped object within this distance of the target's mesh are of the target."""
-MOST_ASKED = 1000
-"""Of a mapped object's points, about so many are asked whose they are."""
-
-
-class SceneFailure(Exception):
-    """A scene that cannot be scored, with the reason."""
-
-
-class TargetMissedError(SceneFailure):
-    """No mapped object is the target."""
-
-
-@dataclass
-class StageClock:
-    """Wall time per stage, in the order in which the stages ended."""
-
-    scene_id: str
-    timings: list[Timing] = field(default_factory=list)
-
-    @contextmanager
-    def stage(self, name: str, *, model: str | None = None) -> Iterator[None]:
-        """Time the block as one stage."""
-        start = time.perf_counter()
-        yield
-        self.add(name, time.perf_counter() - start, model=model)
-
-    def add(self, name: str, seconds: float, *, model: str | None = None) -> None:
-        """Note a stage that was timed elsewhere; what one stage takes adds up."""
-        for index, timing in enumerate(self.timings):
-            if (timing.stage, timing.model) == (name, model):
-                self.timings[index] = replace(timing, seconds=timing.seconds + seconds)
-                return
-        self.timings.append(
-            Timing(scene_id=self.scene_id, stage=name, model=model, seconds=seconds)
-        )
+    from sim_scenes import Scene
 
 
 def scene_spec(job: SceneJob, config: Config) -> SceneSpec:
@@ -134,51 +90,28 @@ def without_idle_completer(config: Config) -> Config:
     return config.model_copy(update={"pipeline": config.pipeline | {"completer": "none"}})
 
 
-def map_scene(scene: Scene, *, config: Config, watch: MapWatch | None = None) -> Pipeline:
-    """Feed a scene's frames to a new pipeline, in order.
+def with_pipeline_defaults(config: Config) -> Config:
+    """Write the defaults of the pipeline's settings out, which tell what each stage depends on."""
+    return config.model_copy(update={"pipeline": json.loads(_whole(config.pipeline_json()))})
 
-    Parameters
-    ----------
-    scene
-        The frames.
-    config
-        Of the pipeline.
-    watch
-        Notes what becomes of the map.
-    """
+
+@lru_cache(maxsize=64)
+def _whole(pipeline_json: str) -> str:
+    return check_pipeline_config(pipeline_json)
+
+
+def map_scene(scene: Scene, *, config: Config) -> Pipeline:
+    """Feed a scene's frames to a new pipeline, in order."""
     pipeline = Pipeline(config.pipeline_json())
-    segmenter = Segmenter(config.pipeline_json()) if watch else None
     for frame in scene.frames:
-        given = frame_arguments(frame, scene)
-        if watch is None or segmenter is None:
-            pipeline.add_frame(**given)
-        else:
-            detections = segmenter.segment(**given)
-            watch.note(frame, detections, pipeline.add_frame(**given), pipeline)
+        pipeline.add_frame(**frame_arguments(frame, scene))
     return pipeline
 
 
-def frame_arguments(frame: Frame, scene: Scene) -> dict[str, Any]:
-    """Arguments of a pipeline's and a segmenter's methods that take a frame."""
-    camera = frame.intrinsics
-    return {
-        "rgb": frame.rgb,
-        "depth_m": frame.depth_m,
-        "intrinsics": (camera.fx, camera.fy, camera.cx, camera.cy),
-        "world_from_camera": frame.world_from_camera,
-        "instance_ids": frame.instance_ids,
-        "categories": scene.categories,
-    }
-
-
 def evaluate_scene(
-    scene: Scene, *, job: SceneJob, config: Config, clock: StageClock
+    scene: Scene, *, job: SceneJob, config: Config, clock: StageClock, memo: Memo | None = None
 ) -> SceneResult:
     """Map a scene, classify the target's test points with every model, and score them.
-
-    A model is asked once about the points of all test sets, so that it learns once. A test set
-    without points, for want of a completion, has failed records with the reason. A target that the
-    segmenter missed is no failure of the scene but an answer: see `Record.target_missed`.
 
     Parameters
     ----------
@@ -188,11 +121,14 @@ def evaluate_scene(
         What the records say of themselves, and the protocol.
     clock
         Takes the time of every stage.
+    memo
+        What other configurations computed of this scene.
 
     Returns
     -------
     result
-        One record per model, test set and tolerance, the confusions, and the clock's timings.
+        One record per model, test set and tolerance, the confusions, the clock's timings, and the
+        recording if the run keeps one.
 
     Raises
     ------
@@ -200,73 +136,63 @@ def evaluate_scene(
         The map holds no object where the target is although the oracle segmented, or no test set
         has points.
     """
-    protocol = config.protocol
-    target = scene.objects[0]
-    watch = MapWatch() if config.run.record == "all" else None
-    pipeline = map_scene(scene, config=without_idle_completer(config), watch=watch)
-    with clock.stage("truth"):
-        truths = [mesh_truth(item) for item in scene.objects]
-        try:
-            mapped = find_mapped(pipeline.objects(), truths, name=target.name)
-        except TargetMissedError as missed:
-            if pipeline.segmenter == ORACLE or set(protocol.test_sets) == {COMPLETED}:
-                raise
-            result = answer_missed(
-                scene,
-                job=job,
-                config=config,
-                pipeline=pipeline,
-                truths=truths,
-                reason=str(missed),
-                watch=watch,
-            )
-            _add_timings(clock, pipeline)
-            return replace(result, timings=clock.timings)
-    training = pipeline.training_set(mapped.id, seed=job.seed)
-    asked, missing = gather_test_sets(
-        protocol.test_sets,
-        target=target,
-        object_id=mapped.id,
-        pipeline=pipeline,
-        count=protocol.test_points,
-        seed=job.seed,
-    )
-    if not asked:
-        raise SceneFailure(missing[0].reason)
-    test_points = np.concatenate([item.points_world for item in asked])
-    completer_confidence = None
-    if protocol.use_spread and COMPLETED in protocol.test_sets:
-        completer_confidence = np.concatenate([item.confidence for item in asked])
-    with clock.stage("truth"):
-        distances_m = np.stack([truth.distances(test_points) for truth in truths])
-    data_distance_m = nearest_observation(points=test_points, observed=training.points_world)
+    config = with_pipeline_defaults(without_idle_completer(config))
+    return evaluate(SceneStages(scene, job=job, config=config, clock=clock, memo=memo or Memo()))
 
+
+def evaluate(stages: SceneStages) -> SceneResult:
+    """Score what the stages of a scene yield.
+
+    A model is asked once about the points of all test sets, so that it learns once. A test set
+    without points, for want of a completion, has failed records with the reason. A target that the
+    segmenter missed is no failure of the scene but an answer: see `Record.target_missed`.
+
+    Raises
+    ------
+    SceneFailure
+        As `evaluate_scene`.
+    """
+    scene, job, config, clock = stages.scene, stages.job, stages.config, stages.clock
+    protocol, target = config.protocol, scene.objects[0]
+    pipeline, watch = stages.mapped.pipeline, stages.mapped.watch
+    found = stages.find_target()
+    if isinstance(found, TargetMissedError):
+        if pipeline.segmenter == ORACLE or set(protocol.test_sets) == {COMPLETED}:
+            raise found
+        result = answer_missed(
+            scene,
+            job=job,
+            config=config,
+            pipeline=pipeline,
+            truths=stages.truths,
+            reason=str(found),
+            watch=watch,
+        )
+        return replace(result, timings=clock.timings)
+    question = stages.ask(found)
+    data_distance_m = nearest_observation(
+        points=question.points_world, observed=question.training.points_world
+    )
     result = SceneResult(records=[], timings=clock.timings)
     kept: dict[str, ModelAnswers] = {}
     for model in pipeline.models:
-        predictions = pipeline.classify(
-            mapped.id,
-            training,
-            test_points,
-            model=model,
-            completion_confidence=completer_confidence,
-        )
-        if model == pipeline.models[0]:
-            pipeline.annotate(mapped.id, test_points, predictions)
+        predictions = stages.classify(question, model=model)
         if watch:
-            whole = Answers(predictions, slice(None), completer_confidence)
-            kept[model] = model_answers(whole, category=target.category, item=mapped)
-        for item in asked:
-            answers = Answers(predictions, item.part, completer_confidence)
+            if model == pipeline.models[0]:
+                pipeline.annotate(found.id, question.points_world, predictions)
+            whole = Answers(predictions, slice(None), question.completer_confidence)
+            kept[model] = model_answers(whole, category=target.category, item=found)
+        for part in question.asked:
+            answers = Answers(predictions, part.part, question.completer_confidence)
             with clock.stage("score", model=model):
                 for tolerance_m in protocol.tolerances_m:
                     true = true_categories(
-                        distances_m[:, item.part], scene.objects, tolerance_m=tolerance_m
+                        question.distances_m[:, part.part], scene.objects, tolerance_m=tolerance_m
                     )
                     identity = {
                         "scene_id": job.scene_id,
                         "model": model,
-                        "completion": item.completion,
+                        "completion": part.completion,
                         "tolerance_m": tolerance_m,
                     }
                     result.confusion.extend(confusion(answers, true=true, identity=identity))
@@ -282,26 +208,25 @@ def evaluate_scene(
                         score(
                             answers,
                             truth=true == target.category,
-                            data_distance_m=data_distance_m[item.part],
+                            data_distance_m=data_distance_m[part.part],
                             target=target,
-                            item=mapped,
-                            training=training,
+                            item=found,
+                            training=question.training,
                             identity=identity,
                         )
                     )
     result.records.extend(
         Record.failed(
             job,
-            variant=Variant(model, item.completion, pipeline.segmenter),
+            variant=Variant(model, part.completion, pipeline.segmenter),
             views=len(scene.frames),
             tolerance_m=tolerance_m,
-            failure=item.reason,
+            failure=part.reason,
         )
-        for item in missing
+        for part in question.missing
         for model in pipeline.models
         for tolerance_m in protocol.tolerances_m
     )
-    _add_timings(clock, pipeline)
     if watch is None:
         return result
     with clock.stage("record"):
@@ -310,66 +235,11 @@ def evaluate_scene(
             job=job,
             pipeline=pipeline,
             watch=watch,
-            target_id=mapped.id,
-            training=training,
-            asked=asked,
-            distances_m=distances_m,
+            target_id=found.id,
+            training=question.training,
+            asked=question.asked,
+            distances_m=question.distances_m,
             data_distance_m=data_distance_m,
             answers=kept,
         )
         return replace(result, recording=encode(recording))
-
-
-def _add_timings(clock: StageClock, pipeline: Pipeline) -> None:
-    for stage, of_model, seconds in pipeline.timings():
-        clock.add(stage, seconds, model=of_model)
-
-
-def mesh_truth(item: SceneObject) -> MeshTruth:
-    """Prepare an object's true mesh, in the world, to be measured against."""
-    vertices, faces = item.mesh_world()
-    return MeshTruth(np.ascontiguousarray(vertices), faces.astype(np.uint32))
-
-
-def find_mapped(
-    mapped: Sequence[MappedObject], truths: Sequence[MeshTruth], *, name: str
-) -> MappedObject:
-    """Find the mapped object that is the target.
-
-    More than half of its observed points must lie within `ON_TARGET_M` of the target's mesh, and
-    nearer to it than to any other object's: an object beside the target does not stand for one
-    that was missed, nor does a piece of the table. Of several the one with the most such points is
-    taken. The category is not asked for: a wrong one costs the scores what it should.
-
-    Parameters
-    ----------
-    mapped
-        The map's objects.
-    truths
-        The true meshes of the scene's objects; the target's is the first.
-    name
-        The target's, for the message.
-
-    Raises
-    ------
-    TargetMissedError
-        No mapped object is the target.
-    """
-    best: MappedObject | None = None
-    most, nearest_m = 0.0, np.inf
-    for item in mapped:
-        points = item.points_world
-        some = np.ascontiguousarray(points[:: -(-len(points) // MOST_ASKED) or 1])
-        distances_m = np.stack([truth.distances(some) for truth in truths])
-        if len(some) == 0:
-            continue
-        own = (distances_m.argmin(axis=0) == 0) & (distances_m[0] <= ON_TARGET_M)
-        nearest_m = min(nearest_m, float(np.median(distances_m[0])))
-        if own.mean() > 0.5 and (count := own.mean() * len(points)) > most:
-            best, most = item, count
-    if best is None:
-        where = "it is empty"
-        if np.isfinite(nearest_m):
-            where = f"the points of the nearest are {nearest_m:.3f} m off in the median"
-        raise TargetMissedError(f"the map holds no object where {name} stands: {where}")
-    return best

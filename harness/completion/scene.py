@@ -16,13 +16,8 @@ from harness.completion.metrics import MM, PARTS, Measured, Surface, measure_clo
 from harness.completion.pictures import draw_scene
 from harness.completion.rows import CloudRow, HandleRow, LatencyRow, SceneRows, ViewsRow
 from harness.completion.spread import mean_mm, score_spread
-from harness.scene_run import (
-    SceneFailure,
-    find_mapped,
-    map_scene,
-    mesh_truth,
-    simulate_job,
-)
+from harness.scene_run import map_scene, simulate_job
+from harness.truth import SceneFailure, find_mapped, mesh_truth
 from sim_scenes.geometry import apply, inverse
 
 if TYPE_CHECKING:

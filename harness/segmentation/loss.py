@@ -13,17 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harness.scene_run import (
-    ORACLE,
-    SceneFailure,
-    StageClock,
-    evaluate_scene,
-    simulate_job,
-)
+from harness.scene_run import evaluate_scene, simulate_job
 from harness.segmentation.segmenter import with_segmenter
+from harness.stages.clock import StageClock
 from harness.statistics import MeanEstimate, mean_estimate
 from harness.table.differences import cell_order
 from harness.table.summary import MODEL_ORDER, completion_label
+from harness.truth import ORACLE, SceneFailure
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harness.statistics import CONFIDENCE, LEAST_OBJECTS, MeanEstimate
+from harness.statistics import LEAST_OBJECTS, MeanEstimate
+from harness.statistics.intervals import CONFIDENCE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -6,7 +6,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Protocol
 
 from harness import native
-from harness.scene_run import ORACLE
+from harness.truth import ORACLE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from harness import scene_run
 from harness.asked import gather_test_sets
 from harness.bench import scene_problem
 from harness.protocol import box_test_points
 from harness.runs.records import Record, SceneResult, Variant
-from harness.scene_run import SceneFailure, StageClock, evaluate_scene, map_scene, simulate_job
+from harness.scene_run import evaluate_scene, map_scene, simulate_job
+from harness.stages import scene as stages
+from harness.stages.clock import StageClock
+from harness.stages.mapping import Mapped
 from harness.tests.fake_completer import FakeCompletions, fake_completion
 from harness.tests.test_scene_run import CONFIG, JOB
+from harness.truth import SceneFailure
 from sim_scenes import Scene, SceneObject
 
 if TYPE_CHECKING:
     from harness.config import Config
+    from harness.native import Pipeline
 
 CORNERS = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.1]])
 TARGET = SceneObject(1, "a mug", "mug", CORNERS, np.array([[0, 1, 2]]), np.eye(4))
@@ -83,14 +87,15 @@ def evaluate(
 ) -> SceneResult:
     """Complete the target by its own vertices, or not at all without a spread."""
 
-    def completing(scene: Scene, *, config: Config) -> FakeCompletions:
+    def completing(scene: Scene, **__: object) -> Mapped:
         pipeline = map_scene(scene, config=config)
         (item,) = pipeline.objects()
         vertices, _ = scene.objects[0].mesh_world()
         cloud = {} if spread_m is None else {item.id: fake_completion(vertices, spread_m=spread_m)}
-        return FakeCompletions(completed=cloud, pipeline=pipeline)
+        fake = FakeCompletions(completed=cloud, pipeline=pipeline)
+        return Mapped(cast("Pipeline", fake), None)
 
-    monkeypatch.setattr(scene_run, "map_scene", completing)
+    monkeypatch.setattr(stages, "map_in_stages", completing)
     return evaluate_scene(scene, job=JOB, config=config, clock=StageClock(JOB.scene_id))
 
 

@@ -18,8 +18,10 @@ from harness.config import Config, load_config
 from harness.native import CLASS_NAMES
 from harness.runs.job import SceneJob
 from harness.runs.records import read_timings
-from harness.scene_run import SceneFailure, StageClock, evaluate_scene, simulate_job, variants
+from harness.scene_run import evaluate_scene, simulate_job, variants
+from harness.stages.clock import StageClock
 from harness.tests.fake_completer import OWN, complete_nothing
+from harness.truth import SceneFailure
 from harness.tuning.scenes import tuning_scenes, validation_folder
 
 if TYPE_CHECKING:

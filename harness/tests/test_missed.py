@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pytest
 
-from harness import scene_run
 from harness.bench import scene_problem
 from harness.config import Config
 from harness.runs.job import SceneJob
 from harness.runs.records import SceneResult, read_records, write_records
-from harness.scene_run import SceneFailure, StageClock, evaluate_scene, map_scene, simulate_job
+from harness.scene_run import evaluate_scene, map_scene, simulate_job
+from harness.stages import scene as stages
+from harness.stages.clock import StageClock
+from harness.stages.mapping import Mapped
 from harness.table.brief import render_brief
 from harness.table.flat import render_csv
 from harness.table.markdown import render_markdown
 from harness.table.summary import Table, summarise
 from harness.tests.test_table_brief import shown
+from harness.truth import SceneFailure
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -82,10 +85,11 @@ def evaluate(
         objects = (replace(scene.objects[0], category=category),)
         seen = replace(scene, objects=objects)
 
-    def mapped(_: Scene, *, config: Config) -> Learned:
-        return Learned(map_scene(seen, config=config), category, segmenter=segmenter)
+    def mapped(_: Scene, **__: object) -> Mapped:
+        pipeline = Learned(map_scene(seen, config=config), category, segmenter=segmenter)
+        return Mapped(cast("Pipeline", pipeline), None)
 
-    monkeypatch.setattr(scene_run, "map_scene", mapped)
+    monkeypatch.setattr(stages, "map_in_stages", mapped)
     return evaluate_scene(scene, job=JOB, config=config, clock=StageClock(JOB.scene_id))
 
 

@@ -13,33 +13,26 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from harness import scene_run
 from harness.config import Config
+from harness.native import CLASS_NAMES, binary_metrics
 from harness.protocol import (
     COMPLETIONS,
     box_test_points,
     draw_test_points,
     surface_points,
 )
+from harness.recordings.file import decode
 from harness.runs.job import SceneJob
 from harness.runs.records import METRICS, Record, SceneResult, Variant
-from harness.scene_run import (
-    SceneFailure,
-    StageClock,
-    TargetMissedError,
-    evaluate_scene,
-    find_mapped,
-    map_scene,
-    mesh_truth,
-    run_scene,
-    simulate_job,
-    variants,
-)
+from harness.scene_run import evaluate_scene, map_scene, run_scene, simulate_job, variants
 from harness.scoring import Answers
+from harness.stages.clock import StageClock
 from harness.table.summary import MODEL_ORDER
+from harness.truth import SceneFailure, TargetMissedError, find_mapped, mesh_truth
 
 if TYPE_CHECKING:
-    from harness.native import MappedObject, MeshTruth, Pipeline
+    from harness.native import MappedObject, MeshTruth
+    from harness.recordings.recording import Recording
     from sim_scenes import Scene, SceneObject
 
 MODELS = list(MODEL_ORDER)
@@ -60,7 +53,17 @@ CONFIG = Config.model_validate(
 JOB = SceneJob(scene_id="mug-0000", category="mug", object_name="mug_pybullet", seed=11)
 CLUTTERED = replace(JOB, cluttered=True)
 
-STAGES = ["truth", "score", "segment", "map", "training points", "fit", "posterior", "embed"]
+STAGES = [
+    "segment",
+    "map",
+    "truth",
+    "training points",
+    "fit",
+    "posterior",
+    "score",
+    "embed",
+    "record",
+]
 
 DIGEST = """
 from harness.scene_run import simulate_job
@@ -212,23 +215,43 @@ def test_under_the_oracle_the_confidence_is_the_probability(scene: Scene) -> Non
     assert_array_equal(answers.probability("mug"), answers.confidence)
 
 
-def test_the_maps_voxels_carry_the_confidences(
-    scene: Scene, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pipelines: list[Pipeline] = []
-
-    def mapped_scene(scene: Scene, *, config: Config) -> Pipeline:
-        pipelines.append(map_scene(scene, config=config))
-        assert np.isnan(pipelines[0].voxels().confidence).all()
-        return pipelines[0]
-
-    monkeypatch.setattr(scene_run, "map_scene", mapped_scene)
-    evaluate(scene)
-    voxels = pipelines[0].voxels()
+def test_the_recorded_voxels_carry_the_confidences(result: SceneResult) -> None:
+    voxels = recording_of(result).voxels
     known = voxels.confidence[~np.isnan(voxels.confidence)]
     assert len(known) > 20
     assert ((known >= 0) & (known <= 1)).all()
     assert set(voxels.object_ids[~np.isnan(voxels.confidence)]) == {1}
+
+
+def recording_of(result: SceneResult) -> Recording:
+    assert result.recording is not None
+    return decode(result.recording)
+
+
+def test_the_recording_gives_the_records_again(result: SceneResult) -> None:
+    recording = recording_of(result)
+    for record in result.records:
+        part = recording.part(record.completion)
+        truth = recording.on_target(record.tolerance_m)[part]
+        answers = recording.answers[record.model]
+        predicted = answers.classes[part] == CLASS_NAMES.index("mug")
+        confidence = answers.confidence[part]
+        metrics = binary_metrics(
+            predicted=predicted,
+            truth=truth,
+            probability=answers.probability[part],
+            decision_confidence=np.where(predicted, confidence, 1 - confidence),
+        )
+        for name in ("tp", "fp", "precision", "auroc", "ece", "brier", "aurc", "nll"):
+            assert metrics[name] == getattr(record, name)
+
+
+def test_a_run_may_record_nothing(scene: Scene, result: SceneResult) -> None:
+    section = CONFIG.run.model_copy(update={"record": "nothing"})
+    config = CONFIG.model_copy(update={"run": section})
+    bare = evaluate_scene(scene, job=JOB, config=config, clock=StageClock(JOB.scene_id))
+    assert bare.recording is None
+    assert digest(bare) == digest(result)
 
 
 def test_the_same_scene_gives_the_same_bits(scene: Scene, result: SceneResult) -> None:

@@ -10,7 +10,6 @@ from rich.console import Console
 from harness.config import Config
 from harness.runs.job import SceneJob
 from harness.runs.records import Record, SceneResult, Variant
-from harness.scene_run import SceneFailure
 from harness.segmentation import loss as losing
 from harness.segmentation.loss import Loss, PairedScene, evaluate_by_each, losses
 from harness.segmentation.report import _loss
@@ -19,9 +18,10 @@ from harness.segmentation.run import plan_table
 from harness.segmentation.scene import Plan
 from harness.table.cells import UNDEFINED
 from harness.tests.fake_scenes import MODELS
+from harness.truth import SceneFailure
 
 if TYPE_CHECKING:
-    from harness.scene_run import StageClock
+    from harness.stages.clock import StageClock
     from sim_scenes import Scene
 
 NET = Choice("net")

@@ -14,15 +14,9 @@ from harness.errors import InputError
 from harness.native import Pipeline
 from harness.protocol import true_categories
 from harness.runs.job import plan_jobs
-from harness.scene_run import (
-    SceneFailure,
-    find_mapped,
-    map_scene,
-    mesh_truth,
-    scene_spec,
-    without_idle_completer,
-)
+from harness.scene_run import map_scene, scene_spec, without_idle_completer
 from harness.scoring import Answers
+from harness.truth import SceneFailure, find_mapped, mesh_truth
 from sim_scenes import SceneError, load_object_set, simulate
 
 if TYPE_CHECKING:
