@@ -10,12 +10,26 @@ For figures and reports, all from `summarise_run`:
   `SeriesSummary.risks` (scenes, coverages) with `CalibrationCell.objects_of_scenes` for intervals.
 - `SeriesSummary.metrics`: a `MeanEstimate` for each of `METRICS`, with intervals over objects.
 
-On arrays: `reliability` and `risk_coverage`. Thresholds: `choose_threshold`, `judge_threshold` and
-`validate_choice`.
+On arrays: `reliability`, `brier_parts`, `risk_coverage`. On one scene: `scene_points`. Thresholds:
+`find_threshold` on a run, `choose_threshold` on any objects' losses.
 """
 
 from __future__ import annotations
 
+from harness.calibration.choosing import (
+    ThresholdOptions,
+    ThresholdReport,
+    Validation,
+    find_threshold,
+    validate,
+)
+from harness.calibration.losses import (
+    THRESHOLDS,
+    Kept,
+    Losses,
+    judge_threshold,
+    object_losses,
+)
 from harness.calibration.probabilities import (
     BINS,
     BrierParts,
@@ -31,12 +45,13 @@ from harness.calibration.ranking import (
     risk_at,
     risk_coverage,
 )
+from harness.calibration.read import read_points
 from harness.calibration.scene_metrics import (
     PRECISION_COVERAGES,
     PROBABILITY_METRICS,
     RANKING_METRICS,
 )
-from harness.calibration.series import BASELINES, SCORES, SERIES
+from harness.calibration.series import BASELINES, SCORES, SERIES, ScenePoints, scene_points
 from harness.calibration.summary import (
     METRICS,
     Calibration,
@@ -44,3 +59,45 @@ from harness.calibration.summary import (
     SeriesSummary,
     summarise_run,
 )
+from harness.calibration.threshold import Choice, Goal, choose_threshold
+
+__all__ = [
+    "BASELINES",
+    "BINS",
+    "BrierParts",
+    "COVERAGES",
+    "Calibration",
+    "CalibrationCell",
+    "Choice",
+    "Goal",
+    "Kept",
+    "Losses",
+    "METRICS",
+    "PRECISION_COVERAGES",
+    "PROBABILITY_METRICS",
+    "RANKING_METRICS",
+    "Reliability",
+    "RiskCoverage",
+    "SCORES",
+    "SERIES",
+    "ScenePoints",
+    "SeriesSummary",
+    "THRESHOLDS",
+    "ThresholdOptions",
+    "ThresholdReport",
+    "Validation",
+    "brier_parts",
+    "choose_threshold",
+    "find_threshold",
+    "judge_threshold",
+    "negative_log_likelihood",
+    "object_losses",
+    "precision_at",
+    "read_points",
+    "reliability",
+    "risk_at",
+    "risk_coverage",
+    "scene_points",
+    "summarise_run",
+    "validate",
+]
