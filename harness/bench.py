@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from harness.config import Config, Override, PipelineCheck, check_test_sets, load_config
+from harness.engines.choice import EngineName, make_engine
 from harness.engines.engine import Engine, SceneDone, SceneFailed, Work, WorkerDied
 from harness.engines.local import LocalEngine
 from harness.engines.worker import load_target
@@ -17,7 +18,7 @@ from harness.results import tabulate
 from harness.runs.atomic import DiskError
 from harness.runs.confusion import write_confusion
 from harness.runs.directory import CONFIG, RunDirectory, default_folder, open_run
-from harness.runs.job import ObjectModel, SceneJob, object_identity, plan_jobs
+from harness.runs.job import ObjectModel, SceneJob, object_identity, plan_jobs, scene_ids
 from harness.runs.progress import Progress, SilentProgress
 from harness.runs.records import (
     Record,
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
+    from harness.runs.shards import Shard
     from harness.table.summary import Table
 
 QUICK_SCENES = 8
@@ -59,6 +61,12 @@ class BenchOptions:
         continued with the run's own configuration.
     config
         Configuration file.
+    engine
+        Where the scenes are computed.
+    address
+        Of the Ray cluster; by default the one of this machine.
+    shard
+        Compute this part of the scenes alone. A folder that holds a shard is continued as one.
     """
 
     quick: bool = False
@@ -69,6 +77,9 @@ class BenchOptions:
     cluttered: bool = False
     out: Path | None = None
     config: Path | None = None
+    engine: EngineName = "local"
+    address: str | None = None
+    shard: Shard | None = None
 
 
 def load_objects(folder: Path | None) -> Sequence[ObjectModel]:
@@ -168,11 +179,17 @@ def run_bench(
     wiring, progress = wiring or Wiring(), progress or SilentProgress()
     config = resolve_config(options, check_pipeline=wiring.check_pipeline)
     models = wiring.load_objects(config.scenes.objects)
+    shard = _chosen_shard(options, config=config)
     jobs = plan_jobs(config, models)
+    if shard is not None:
+        jobs = shard.take(jobs)
+    workers = options.workers if options.engine == "ray" else config.run.workers
+    engine = make_engine(options.engine, address=options.address, workers=workers)
     run = open_run(
-        options.out or default_folder(config),
+        options.out or default_folder(config, shard=shard),
         config=config,
         objects=[object_identity(model) for model in models],
+        shard=shard,
     )
     with run.session() as notes:
         finished, damaged = run.finished(jobs)
@@ -187,7 +204,8 @@ def run_bench(
                 config=config,
                 scene_function=wiring.scene_function,
                 progress=progress,
-                resume=f"harness bench --out {run.folder}",
+                resume=_resume(run.folder, options),
+                engine=engine,
             )
         failed = [(job, config.scenes.views) for job in jobs if job.scene_id in failures]
         lost = failed_records(failed, failures, config=config, wiring=wiring)
@@ -199,6 +217,29 @@ def run_bench(
         scenes=len(jobs),
         seconds=time.monotonic() - start,
     )
+
+
+def _chosen_shard(options: BenchOptions, *, config: Config) -> Shard | None:
+    """Take the shard that is asked for, or else the one that the folder holds."""
+    shard = options.shard
+    if shard is None and options.out is not None and RunDirectory.is_run(options.out):
+        return RunDirectory(options.out).shard()
+    scenes = len(scene_ids(config))
+    if shard is not None and shard.count > scenes:
+        raise InputError(
+            f"--shard {shard}: the run has {scenes} scenes, too few for {shard.count} shards; "
+            "pass a smaller N"
+        )
+    return shard
+
+
+def _resume(folder: Path, options: BenchOptions) -> str:
+    """Name the command that continues a run."""
+    command = f"harness bench --out {folder}"
+    if options.engine == "local":
+        return command
+    address = "" if options.address is None else f" --address {options.address}"
+    return f"{command} --engine {options.engine}{address}"
 
 
 def resolve_config(options: BenchOptions, *, check_pipeline: PipelineCheck | None) -> Config:

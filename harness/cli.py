@@ -11,34 +11,27 @@ import typer
 from rich.console import Console
 from rich.progress import Progress as ProgressBar
 
-from harness import cli_completion, cli_data, cli_pictures, cli_segmentation, cli_study
-from harness.bench import (
-    QUICK_SCENES,
-    BenchOptions,
-    RunInterruptedError,
-    Wiring,
-    run_bench,
+from harness import (
+    cli_bench,
+    cli_completion,
+    cli_data,
+    cli_merge,
+    cli_pictures,
+    cli_segmentation,
+    cli_study,
 )
+from harness.bench import RunInterruptedError
 from harness.cli_parts import (
     EXIT_BAD_INPUT,
-    EXIT_FAILED,
     EXIT_INTERRUPTED,
     EXIT_OK,
     number_option,
     print_line,
-    stdout,
 )
 from harness.errors import InputError
-from harness.results import is_cluttered, show_confusion, show_run
-from harness.runs.progress import ConsoleProgress
-from harness.table.brief import render_brief
-from harness.table.confusion import render_confusion
-from harness.table.terminal import render_full
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from harness.table.summary import Table
 
 app = typer.Typer(
     name="harness",
@@ -49,118 +42,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-wiring = Wiring()
-"""What the commands run on."""
-
-
-@app.command(
-    epilog=(
-        "[bold]Examples[/bold]\n\n"
-        "A first look, in about two minutes:  [cyan]harness bench --quick[/cyan]\n\n"
-        "Continue a run that was stopped:  [cyan]harness bench --out results/RUN[/cyan]\n\n"
-        "On your own meshes:  [cyan]harness bench --objects meshes/ --scenes 32[/cyan]\n\n"
-        "With other settings:  [cyan]harness bench --config wide.toml[/cyan]\n\n"
-        "Exit codes: 0 done, 1 every scene failed, 2 bad input, 130 interrupted."
-    )
-)
-def bench(
-    *,
-    quick: Annotated[
-        bool, typer.Option("--quick", help=f"{QUICK_SCENES} scenes of each class instead of 16.")
-    ] = False,
-    scenes: Annotated[
-        int | None, number_option("Scenes of each class; the first of a longer run's.")
-    ] = None,
-    seed: Annotated[
-        int | None, number_option("Same seed, same configuration: same records, bit for bit.")
-    ] = None,
-    workers: Annotated[
-        int | None,
-        number_option("Worker processes, by default one per core; no result depends on it."),
-    ] = None,
-    objects: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR", help="Folder of meshes with a manifest.json (path, category), z up."
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="RUN",
-            help="Folder to write, by default results/TIME-HASH; a run in it continues.",
-        ),
-    ] = None,
-    config: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="TOML with \\[run], \\[scenes], \\[protocol], \\[pipeline]."
-        ),
-    ] = None,
-    cluttered: Annotated[
-        bool, typer.Option("--cluttered", help="Put other objects around the targets.")
-    ] = False,
-) -> int:
-    """Render scenes, map and classify them, score against the true meshes, print the table."""
-    result = run_bench(
-        BenchOptions(
-            quick=quick,
-            scenes=scenes,
-            seed=seed,
-            workers=workers,
-            objects=objects,
-            cluttered=cluttered,
-            out=out,
-            config=config,
-        ),
-        progress=ConsoleProgress(Console(stderr=True)),
-        wiring=wiring,
-    )
-    _print_run(result.folder, result.table)
-    failed = ""
-    if result.failures:
-        failed = f", {len(result.failures)} failed (tracebacks: {result.folder / 'logs'}),"
-    print_line(
-        f"{result.scenes} scenes{failed} in {result.seconds:.0f} s; written to {result.folder} "
-        "(table.md, table.csv and table.tex have all of it; records.parquet, confusion.parquet)"
-    )
-    return EXIT_FAILED if result.all_failed else EXIT_OK
-
-
-@app.command(
-    epilog=(
-        "[bold]Examples[/bold]\n\n"
-        "A run's table again:  [cyan]harness show results/RUN[/cyan]\n\n"
-        "With intervals, every metric and tolerance:  [cyan]harness show results/RUN --all[/cyan]"
-    )
-)
-def show(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a finished run.")],
-    *,
-    everything: Annotated[
-        bool, typer.Option("--all", help="Intervals, all metrics and all tolerances.")
-    ] = False,
-    confusion: Annotated[
-        bool,
-        typer.Option(
-            "--confusion",
-            help="Which categories are taken for which; always shown of cluttered scenes.",
-        ),
-    ] = False,
-) -> int:
-    """Print a run's table again."""
-    _print_run(run, show_run(run), everything=everything, confusion=confusion)
-    return EXIT_OK
-
-
-def _print_run(
-    folder: Path, table: Table, *, everything: bool = False, confusion: bool = False
-) -> None:
-    console = stdout()
-    render = render_full if everything else render_brief
-    console.print(render(table, width=console.width))
-    if confusion or is_cluttered(folder):
-        console.print(render_confusion(show_confusion(folder)))
+app.registered_commands += cli_bench.commands.registered_commands
 
 
 @app.command(
@@ -254,7 +136,7 @@ def render(
     return EXIT_OK
 
 
-for part in (cli_study, cli_segmentation, cli_completion, cli_data, cli_pictures):
+for part in (cli_merge, cli_study, cli_segmentation, cli_completion, cli_data, cli_pictures):
     app.registered_commands += part.commands.registered_commands
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from typing import IO, TYPE_CHECKING
 
 from harness.errors import InputError
@@ -56,6 +57,28 @@ def write_atomically(path: Path, write: Callable[[IO[bytes]], object]) -> None:
 def write_text(path: Path, text: str) -> None:
     """Write a UTF-8 file atomically."""
     write_atomically(path, lambda file: file.write(text.encode()))
+
+
+def link_or_copy(source: Path, target: Path) -> None:
+    """Give a file a second name, or copy it where the disk is another; atomic, as a write is.
+
+    Only for files that are never written in place: both names stand for the same bytes.
+    """
+    partial = target.with_name(target.name + PARTIAL_SUFFIX)
+    try:
+        remove_quietly(partial)
+        try:
+            os.link(source, partial)
+        except OSError:
+            with source.open("rb") as file:
+                write_atomically(target, lambda copy: shutil.copyfileobj(file, copy))
+            return
+        partial.replace(target)
+        remove_quietly(partial)  # a rename onto the same file does nothing
+    except OSError as error:
+        raise DiskError(
+            f"cannot write {target}: {error.strerror}; free or change the output folder"
+        ) from error
 
 
 def remove_quietly(path: Path) -> None:

@@ -3,7 +3,8 @@
 ::
 
     RUN/
-      manifest.json     what was run: configuration, objects, sessions (code, packages, machine)
+      manifest.json     what was run: configuration, objects, which shard of them if it is one,
+                        sessions (code, packages, machine)
       config.toml       the configuration, defaults written out
       scenes/ID.json    one finished scene each; a failed scene has none, so that resuming tries
                         it again
@@ -25,6 +26,7 @@ import json
 import os
 import shutil
 from contextlib import contextmanager
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -37,13 +39,15 @@ from harness.recordings.file import read_recording
 from harness.runs.atomic import (
     PARTIAL_SUFFIX,
     DiskError,
+    link_or_copy,
     remove_quietly,
     write_atomically,
     write_text,
 )
 from harness.runs.fragment import DamagedFragmentError, read_fragment, write_fragment
-from harness.runs.manifest import describe_session
+from harness.runs.manifest import describe_session, differing_code
 from harness.runs.records import SCHEMA_VERSION, SceneResult
+from harness.runs.shards import Shard
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -60,10 +64,13 @@ TIMINGS = "timings.parquet"
 _MANIFEST_TYPES = {"schema_version": int, "config": dict, "objects": list, "sessions": list}
 
 
-def default_folder(config: Config, *, now: datetime | None = None) -> Path:
-    """``results/<UTC time>-<short hash of the configuration>``."""
+def default_folder(
+    config: Config, *, shard: Shard | None = None, now: datetime | None = None
+) -> Path:
+    """``results/<UTC time>-<short hash of the configuration>``, and which shard it is of."""
     moment = (now or datetime.now(UTC)).strftime("%Y%m%dT%H%M%SZ")
-    return Path("results") / f"{moment}-{config.short_hash()}"
+    part = "" if shard is None else f"-{shard.index}-of-{shard.count}"
+    return Path("results") / f"{moment}-{config.short_hash()}{part}"
 
 
 class RunDirectory:
@@ -115,6 +122,11 @@ class RunDirectory:
                 )
         return found
 
+    def shard(self) -> Shard | None:
+        """Read which part of its configuration's scenes the run is; None where it is all."""
+        stated = self.manifest().get("shard")
+        return None if stated is None else Shard(stated["index"], stated["count"])
+
     def keep(self, job: SceneJob, result: SceneResult) -> None:
         """Write a finished scene, its recording before what vouches for it."""
         if result.recording is not None:
@@ -155,6 +167,28 @@ class RunDirectory:
                 damaged[job.scene_id] = str(error)
         return results, damaged
 
+    def adopt(self, parts: Sequence[RunDirectory], scenes: Sequence[Sequence[str]]) -> None:
+        """Take over scenes of other runs, with their recordings and the sittings they came from.
+
+        Parameters
+        ----------
+        parts
+            The other runs.
+        scenes
+            Ids of the finished scenes to take over from each.
+        """
+        manifest = self.manifest()
+        theirs = [sitting for part in parts for sitting in part.manifest()["sessions"]]
+        manifest["sessions"] = [*theirs, manifest["sessions"][-1]]
+        _write_manifest(self.folder, manifest)
+        for part, names in zip(parts, scenes, strict=True):
+            for name in names:
+                # As in `keep`: the recording before what vouches for it.
+                if (recording := part._recording(name)).is_file():
+                    self.recordings.mkdir(exist_ok=True)
+                    link_or_copy(recording, self._recording(name))
+                link_or_copy(part._scenes / f"{name}.json", self._scenes / f"{name}.json")
+
     def write_tables(self, texts: Mapping[str, str]) -> None:
         """Write ``table.<suffix>`` for each suffix."""
         for suffix, text in texts.items():
@@ -186,10 +220,9 @@ class RunDirectory:
         manifest["sessions"].append(session)
         _write_manifest(self.folder, manifest)
         return [
-            f"{what} changed since the run was last worked at: {last.get(what)} -> {session[what]}"
+            f"{what} changed since the run was last worked at: {change}"
             for last in before
-            for what in ("git", "packages", "python")
-            if last.get(what) != session[what]
+            for what, change in differing_code(last, session).items()
         ]
 
     def _remove_partial_files(self) -> None:
@@ -205,7 +238,9 @@ class RunDirectory:
         return self.recordings / f"{scene_id}.npz"
 
 
-def open_run(folder: Path, *, config: Config, objects: Sequence[str]) -> RunDirectory:
+def open_run(
+    folder: Path, *, config: Config, objects: Sequence[str], shard: Shard | None = None
+) -> RunDirectory:
     """Begin a run, or find the one of the same configuration and objects that a folder holds.
 
     Parameters
@@ -216,6 +251,8 @@ def open_run(folder: Path, *, config: Config, objects: Sequence[str]) -> RunDire
         The run's configuration.
     objects
         What identifies each object of the set, in any order.
+    shard
+        Which part of the configuration's scenes; None for all of them.
 
     Raises
     ------
@@ -226,7 +263,7 @@ def open_run(folder: Path, *, config: Config, objects: Sequence[str]) -> RunDire
     try:
         if RunDirectory.is_run(folder):
             run = RunDirectory(folder)
-            _check_same(run, config=config, objects=sorted(objects))
+            _check_same(run, config=config, objects=sorted(objects), shard=shard)
             return run
         existed = folder.exists()
         if existed and (not folder.is_dir() or any(folder.iterdir())):
@@ -234,7 +271,7 @@ def open_run(folder: Path, *, config: Config, objects: Sequence[str]) -> RunDire
                 f"{folder} exists and holds no run; pass another --out or empty it first"
             )
         begun = True
-        _begin(folder, config=config, objects=sorted(objects))
+        _begin(folder, config=config, objects=sorted(objects), shard=shard)
     except OSError as error:
         if begun:
             _remove_begun(folder, existed=existed)
@@ -247,7 +284,7 @@ def open_run(folder: Path, *, config: Config, objects: Sequence[str]) -> RunDire
     return RunDirectory(folder)
 
 
-def _begin(folder: Path, *, config: Config, objects: list[str]) -> None:
+def _begin(folder: Path, *, config: Config, objects: list[str], shard: Shard | None) -> None:
     """Write an empty run; the manifest comes last, for it marks the folder as a run."""
     for name in ("scenes", "logs"):
         (folder / name).mkdir(parents=True)
@@ -259,12 +296,15 @@ def _begin(folder: Path, *, config: Config, objects: list[str]) -> None:
             "seed": config.run.seed,
             "config": config.model_dump(mode="json"),
             "objects": objects,
+            "shard": None if shard is None else asdict(shard),
             "sessions": [],
         },
     )
 
 
-def _check_same(run: RunDirectory, *, config: Config, objects: list[str]) -> None:
+def _check_same(
+    run: RunDirectory, *, config: Config, objects: list[str], shard: Shard | None
+) -> None:
     manifest = run.manifest()
     if manifest.get("schema_version") != SCHEMA_VERSION:
         raise InputError(
@@ -289,6 +329,15 @@ def _check_same(run: RunDirectory, *, config: Config, objects: list[str]) -> Non
             f"{run.folder} was begun with other objects (first difference: {odd[0]}); "
             "pass another --out"
         )
+    if (held := run.shard()) != shard:
+        raise InputError(
+            f"{run.folder} holds {_part(held)}, not {_part(shard)}; pass another --out, or --out "
+            "alone to continue it as it was"
+        )
+
+
+def _part(shard: Shard | None) -> str:
+    return "a whole run" if shard is None else f"shard {shard}"
 
 
 def _write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:

@@ -73,6 +73,15 @@ def scene_seed(*, run_seed: int, category: str, index: int) -> int:
     return int.from_bytes(digest, "little") >> 1
 
 
+def scene_ids(config: Config) -> list[str]:
+    """Name the scenes of a run, in the plan's order."""
+    return [
+        f"{category}-{index:04d}"
+        for category in config.run.classes
+        for index in range(config.run.scenes)
+    ]
+
+
 def plan_jobs(config: Config, models: Sequence[ObjectModel]) -> list[SceneJob]:
     """Scenes of a run: for each class its objects in turn, by name.
 

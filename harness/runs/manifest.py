@@ -8,7 +8,10 @@ import platform
 import subprocess
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 PACKAGES = (
     "credence",
@@ -36,7 +39,7 @@ def describe_session() -> dict[str, Any]:
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "git": git_state(Path(__file__)),
         "python": platform.python_version(),
-        "packages": {name: _version(name) for name in PACKAGES},
+        "packages": package_versions(),
         "machine": {
             "system": platform.platform(),
             "cpu": _cpu_model(),
@@ -44,6 +47,20 @@ def describe_session() -> dict[str, Any]:
             "memory_mib": os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2**20,
         },
     }
+
+
+def differing_code(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str, str]:
+    """In what two sittings' code differs: ``first -> second`` by kind."""
+    return {
+        what: f"{first.get(what)} -> {second.get(what)}"
+        for what in ("git", "packages", "python")
+        if first.get(what) != second.get(what)
+    }
+
+
+def package_versions() -> dict[str, str]:
+    """Version of each of `PACKAGES`, ``unknown`` where it is not installed."""
+    return {name: _version(name) for name in PACKAGES}
 
 
 def git_state(file: Path) -> dict[str, Any]:

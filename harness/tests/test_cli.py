@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from harness import cli
+from harness import cli, cli_bench
 from harness.bench import load_objects
 from harness.tests.fake_wiring import WIRING
 
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
 INTERRUPTED = """
 import sys
-from harness import cli
+from harness import cli, cli_bench
 from harness.tests.fake_wiring import WIRING
-cli.wiring = WIRING
+cli_bench.wiring = WIRING
 sys.exit(cli.main(["bench", "--scenes", "1", "--workers", "2", "--out", sys.argv[1]]))
 """
 
@@ -36,7 +36,7 @@ Harness = Callable[..., tuple[int, str, str]]
 
 @pytest.fixture(autouse=True)
 def fakes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cli, "wiring", WIRING)
+    monkeypatch.setattr(cli_bench, "wiring", WIRING)
     monkeypatch.setenv("COLUMNS", "200")
 
 
@@ -106,13 +106,33 @@ def test_compare_pairs_the_scenes_of_two_runs(harness: Harness, runs: tuple[Path
     code, out, _ = harness("compare", *runs, "--model-b", "classic")
     assert code == 0
     assert out.startswith(f"metric of {runs[0]} less classic of {runs[1]}\n")
-    assert "Mug: 6 scenes, 3 objects; Bowl: 6 scenes, 3 objects\n" in out
+    assert re.findall(r"^(\w+): 6 scenes, 3 objects$", out, re.MULTILINE) == ["Mug", "Bowl"]
+    assert "not tested: 6 objects are needed\n" in out
     assert "scenes.views: 3 in the first, 2 in the second\n" in out
     # The fakes do not look at the views: the same model in both runs measures the same.
     _, out, _ = harness("compare", *runs)
-    assert re.search(
-        r"^accuracy +\+\.000 \[\N{EN DASH}\] +\+\.000 \[\N{EN DASH}\] *$", out, re.MULTILINE
+    line = r"^  accuracy +\+\.000 \[\N{EN DASH}\] +1\.000 +1\.000 +\N{EN DASH}  the same +in every scene$"
+    assert len(re.findall(line, out, re.MULTILINE)) == 2
+
+
+def test_compare_prints_the_same_for_machines(harness: Harness, runs: tuple[Path, Path]) -> None:
+    code, out, _ = harness("compare", *runs, "--model-b", "classic", "--json")
+    assert code == 0
+    found = json.loads(out)
+    assert (found["first"], found["second"]) == (str(runs[0]), str(runs[1]))
+    assert (found["model_a"], found["model_b"]) == ("metric", "classic")
+    assert (found["scenes"], found["empty"], found["settings"]) == (
+        12,
+        [],
+        [["scenes.views", 3, 2]],
     )
+    mug, bowl = found["differences"]
+    assert (mug["category"], bowl["category"], mug["objects"]) == ("mug", "bowl", 3)
+    assert set(mug["values"]["accuracy"]) == {
+        *("mean", "low", "high", "p_value", "q_value", "effect_size", "minimum_detectable"),
+        *("scenes", "objects"),
+    }
+    assert mug["values"]["accuracy"]["p_value"] is None
 
 
 def test_compare_refuses_in_one_line(harness: Harness, runs: tuple[Path, Path]) -> None:
@@ -178,7 +198,7 @@ def test_an_unwritable_folder_gets_one_line_before_any_scene(
 def test_a_mesh_that_cannot_be_used_gets_one_line_before_any_scene(
     harness: Harness, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(cli, "wiring", replace(WIRING, load_objects=load_objects))
+    monkeypatch.setattr(cli_bench, "wiring", replace(WIRING, load_objects=load_objects))
     assert f"{tmp_path}: no manifest.json" in refused(harness, "bench", "--objects", tmp_path)
     (tmp_path / "manifest.json").write_text('[{"path": "a.obj", "category": "mug"}]', "utf-8")
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 2 0 0\nv 0 1 0\nf 1 2 3\n", encoding="utf-8")
