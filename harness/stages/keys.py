@@ -39,6 +39,11 @@ class StageKeys:
         return stage_key("render", settings=[self.config.scenes.model_dump(mode="json"), asked])
 
     @property
+    def meshes(self) -> str:
+        """The true meshes, ready to be measured against."""
+        return stage_key("meshes", self.scene)
+
+    @property
     def detections(self) -> str:
         """What the segmenter finds in the frames."""
         return stage_key(
@@ -56,7 +61,10 @@ class StageKeys:
         """The map with completed shapes."""
         if self.config.pipeline["completer"] == "none":
             return self.map
-        return stage_key("complete", self.map, settings=self._pipeline("completer", "completion"))
+        asked = self._pipeline("completer", "completion")
+        # The one setting of another section that a completer looks at.
+        asked["table_height_m"] = self.config.pipeline["metric"]["table_height_m"]
+        return stage_key("complete", self.map, settings=asked)
 
     @property
     def target(self) -> str:

@@ -117,7 +117,11 @@ def _map(
 def _complete(
     scene: Scene, found: Sequence[Sequence[Detection]], mapped: Pipeline, *, config: Config
 ) -> tuple[Pipeline, Times]:
-    pipeline = mapped.reconfigured(_settings(config, *MAPPING, "completer", "completion"))
+    table_height_m = config.pipeline["metric"]["table_height_m"]
+    settings = _settings(
+        config, *MAPPING, "completer", "completion", metric={"table_height_m": table_height_m}
+    )
+    pipeline = mapped.reconfigured(settings)
     for index, (frame, detections) in enumerate(zip(scene.frames, found, strict=True)):
         pipeline.complete_frame(index, **frame_arguments(frame, scene), detections=detections)
     return pipeline, spent_since(pipeline, ())

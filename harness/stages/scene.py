@@ -100,7 +100,7 @@ class SceneStages:
     def truths(self) -> Sequence[MeshTruth]:
         """The true meshes of the scene's objects."""
         return self._timed(
-            "meshes", self._keys.scene, lambda: [mesh_truth(item) for item in self.scene.objects]
+            "meshes", self._keys.meshes, lambda: [mesh_truth(item) for item in self.scene.objects]
         )
 
     def find_target(self) -> MappedObject | TargetMissedError:
