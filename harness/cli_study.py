@@ -11,10 +11,17 @@ from rich.progress import Progress as ProgressBar, TaskID
 from rich.table import Table
 from rich.text import Text
 
-from harness.cli_parts import EXIT_OK, number_option, print_line, stdout
+from harness.cli_parts import (
+    EXIT_OK,
+    JsonOption,
+    number_option,
+    print_json,
+    print_line,
+    stdout,
+)
 from harness.results import Comparison, compare_runs
-from harness.table.brief import difference_grids
-from harness.table.cells import INTERVALS, cell_label, object_count, scene_count
+from harness.table.cells import INTERVALS, TESTS, cell_label, object_count, scene_count
+from harness.table.contrasts import difference_lines
 from harness.table.summary import MODEL_ORDER
 
 if TYPE_CHECKING:
@@ -29,6 +36,7 @@ commands = typer.Typer()
         "Three views against one:  [cyan]harness compare results/VIEWS3 results/VIEWS1[/cyan]\n\n"
         "Across models:  "
         "[cyan]harness compare RUN_A RUN_B --model-a metric --model-b network[/cyan]\n\n"
+        "For a program:  [cyan]harness compare RUN_A RUN_B --json[/cyan]\n\n"
         "Both runs must hold the same scenes: same seed, classes, objects and scene settings."
     )
 )
@@ -44,22 +52,24 @@ def compare(
     model_b: Annotated[str, typer.Option(metavar="NAME", help="Model of the second run.")] = (
         "metric"
     ),
+    as_json: JsonOption = False,
 ) -> int:
-    """Print what one run measures less another, paired by scene, with intervals over objects."""
+    """Print what one run measures less another, paired by scene and tested over objects."""
     found = compare_runs(run_a, run_b, model_a=model_a, model_b=model_b)
+    if as_json:
+        print_json(found)
+        return EXIT_OK
     console = stdout()
     title = f"{model_a} of {run_a} less {model_b} of {run_b}"
-    columns = [(cell_label(item), item) for item in found.differences]
-    counts = "; ".join(
-        f"{cell_label(item)}: {scene_count(item)}, {object_count(item)}"
+    items = [
+        (f"{cell_label(item)}: {scene_count(item)}, {object_count(item)}", item)
         for item in found.differences
-    )
+    ]
     console.print(
         Group(
             Text(title, style="bold"),
-            Text(counts),
             Text(),
-            *difference_grids(columns, width=console.width),
+            *difference_lines(items, width=console.width),
             Text(),
             Text(_about(found), style="dim"),
         )
@@ -69,7 +79,7 @@ def compare(
 
 def _about(found: Comparison) -> str:
     """Say what was compared and what was not."""
-    lines = [f"Differences [95 % interval] are paired by scene. {INTERVALS}"]
+    lines = [f"{TESTS} {INTERVALS}", *found.empty]
     lines += [
         f"{key}: {ours} in the first, {theirs} in the second"
         for key, ours, theirs in found.settings

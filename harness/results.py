@@ -9,8 +9,8 @@ from harness.config import Config, differing_values
 from harness.errors import InputError
 from harness.protocol import COMPLETED, test_set_of
 from harness.runs.confusion import Confusion, read_confusion
-from harness.runs.directory import RunDirectory
-from harness.runs.records import Record, read_records
+from harness.runs.directory import CONFIG, RunDirectory
+from harness.runs.records import SCHEMA_VERSION, Record, read_records
 from harness.table.differences import Difference, paired_differences
 from harness.table.summary import Table, summarise
 
@@ -25,10 +25,16 @@ class Comparison:
 
     Attributes
     ----------
+    first, second
+        Folders of the runs.
+    model_a, model_b
+        The first run's model, and the second's that is subtracted from it.
     differences
-        The first run's values less the second's, at the reported tolerance.
+        The first run's values less the second's, at the reported tolerance: one family of tests.
     scenes
         Number of scenes compared.
+    empty
+        Classes of which no scene is compared: which, why, and what to do.
     unlike
         Scenes of one id that are not the same in both runs, and why.
     only_first, only_second
@@ -37,8 +43,13 @@ class Comparison:
         What is configured differently: key, the first run's value, the second's.
     """
 
+    first: Path
+    second: Path
+    model_a: str
+    model_b: str
     differences: Sequence[Difference]
     scenes: int
+    empty: Sequence[str]
     unlike: Sequence[str]
     only_first: int
     only_second: int
@@ -53,20 +64,20 @@ def show_run(folder: Path) -> Table:
     InputError
         The folder holds no run, or an unfinished one.
     """
-    run = _finished(folder)
+    run = finished_run(folder)
     return tabulate(read_records(run.records_path), config=run.config())
 
 
 def show_confusion(folder: Path) -> list[Confusion]:
     """Read a finished run's confusion at the reported tolerance; raises like `show_run`."""
-    run = _finished(folder)
+    run = finished_run(folder)
     tolerance_m = run.config().protocol.reported_tolerance_m
     return [row for row in read_confusion(run.confusion_path) if row.tolerance_m == tolerance_m]
 
 
 def is_cluttered(folder: Path) -> bool:
     """Whether a run's scenes hold more than their targets; raises like `show_run`."""
-    return _finished(folder).config().scenes.cluttered
+    return finished_run(folder).config().scenes.cluttered
 
 
 def tabulate(records: Sequence[Record], *, config: Config) -> Table:
@@ -99,7 +110,7 @@ def compare_runs(first: Path, second: Path, *, model_a: str, model_b: str) -> Co
         A folder without a finished run; a run without the model; runs that report at different
         tolerances or share no scene.
     """
-    runs = [_finished(folder) for folder in (first, second)]
+    runs = [finished_run(folder) for folder in (first, second)]
     ours, theirs = (run.config() for run in runs)
     tolerance_m = ours.protocol.reported_tolerance_m
     if tolerance_m not in theirs.protocol.tolerances_m:
@@ -133,13 +144,43 @@ def compare_runs(first: Path, second: Path, *, model_a: str, model_b: str) -> Co
             "same run.seed, run.classes, scenes.objects and protocol.test_sets"
         )
     return Comparison(
+        first=first,
+        second=second,
+        model_a=model_a,
+        model_b=model_b,
         differences=differences,
         scenes=len({r.scene_id for r in a if r.status == "ok"} & _scored(b) - unlike.keys()),
+        empty=_empty_classes(ours.run.classes, differences, runs=(first, second), records=(a, b)),
         unlike=[f"{scene_id}: {why}" for scene_id, why in unlike.items()],
         only_first=len(scenes_a - scenes_b),
         only_second=len(scenes_b - scenes_a),
         settings=differing_values(ours=ours, theirs=theirs),
     )
+
+
+def _empty_classes(
+    classes: Sequence[str],
+    differences: Sequence[Difference],
+    *,
+    runs: tuple[Path, Path],
+    records: tuple[Sequence[Record], Sequence[Record]],
+) -> list[str]:
+    """Say of which classes no scene is compared, and how many each run scored."""
+    compared = {item.category for item in differences}
+    lines = []
+    for category in classes:
+        if category in compared:
+            continue
+        counts = []
+        for folder, items in zip(runs, records, strict=True):
+            of_class = [record for record in items if record.category == category]
+            scenes = len({record.scene_id for record in of_class})
+            counts.append(f"{folder} scored {len(_scored(of_class))} of its {scenes} scenes")
+        lines.append(
+            f"No scene of class '{category}' is compared: {', '.join(counts)}; failed scenes are "
+            "tried again with `harness bench --out RUN`"
+        )
+    return lines
 
 
 def _scored(records: Sequence[Record]) -> set[str]:
@@ -168,10 +209,30 @@ def _of_model(run: RunDirectory, model: str, *, tolerance_m: float) -> list[Reco
     return chosen
 
 
-def _finished(folder: Path) -> RunDirectory:
+def finished_run(folder: Path) -> RunDirectory:
+    """Open a run that is finished and was written with this version's record schema.
+
+    Raises
+    ------
+    InputError
+        The folder holds no run, an unfinished one, or one of another schema version.
+    """
     if not RunDirectory.is_run(folder):
         raise InputError(f"{folder} holds no run; pass the folder that `harness bench` named")
     run = RunDirectory(folder)
+    manifest = run.manifest()
+    # Before any table is read, for another schema's columns would say less.
+    if (written := manifest["schema_version"]) != SCHEMA_VERSION:
+        match manifest["sessions"]:
+            case [*_, {"git": {"revision": str(revision)}}]:
+                by = f" (git revision {revision})"
+            case _:
+                by = ""
+        raise InputError(
+            f"{folder} was written with record schema {written}, this version reads "
+            f"{SCHEMA_VERSION}; read it with the version that wrote it{by}, or run it again with "
+            f"`harness bench --config {folder / CONFIG}`"
+        )
     if not run.records_path.exists():
         raise InputError(f"{folder} is unfinished; finish it with `harness bench --out {folder}`")
     return run

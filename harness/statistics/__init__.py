@@ -11,11 +11,12 @@ from harness.statistics.intervals import (
     bootstrap_interval,
     mean_estimate,
 )
-from harness.statistics.paired import ALPHA, POWER, PairedTest, paired_test
+from harness.statistics.paired import ALPHA, LEAST_TESTED, POWER, PairedTest, paired_test
 
 __all__ = [
     "ALPHA",
     "LEAST_OBJECTS",
+    "LEAST_TESTED",
     "POWER",
     "MeanEstimate",
     "PairedTest",

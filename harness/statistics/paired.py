@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import count
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -155,6 +156,10 @@ def attainable_level(objects: int, *, alternative: Alternative) -> float:
     return math.floor(ALPHA / step) * step
 
 
+LEAST_TESTED = next(n for n in count(1) if attainable_level(n, alternative="two-sided") > 0)
+"""With fewer objects no change of signs on two sides attains `ALPHA`."""
+
+
 def sign_change_p(totals: npt.NDArray[np.float64], *, seed: int, alternative: Alternative) -> float:
     """Share of changes of signs under which the sum of the totals is as far out as it is.
 
@@ -180,7 +185,7 @@ def sign_change_p(totals: npt.NDArray[np.float64], *, seed: int, alternative: Al
         unchanged = 0
     else:
         # A power of two serves all columns of a table, which are defined in unlike many objects.
-        signs = _signs(seed=seed, count=1 << (totals.size - 1).bit_length())
+        signs = _signs(seed=seed, objects=1 << (totals.size - 1).bit_length())
         found = signs[:, : totals.size] @ totals
         unchanged = 1
     if alternative == "two-sided":
@@ -192,11 +197,11 @@ def sign_change_p(totals: npt.NDArray[np.float64], *, seed: int, alternative: Al
 
 
 @lru_cache(maxsize=2)
-def _signs(*, seed: int, count: int) -> npt.NDArray[np.float64]:
-    """Signs (permutations, count) of the objects; the cells of a table change the same ones."""
+def _signs(*, seed: int, objects: int) -> npt.NDArray[np.float64]:
+    """Signs (permutations, objects) of the objects; the cells of a table change the same ones."""
     rng = np.random.Generator(np.random.Philox(seed))
-    permutations = min(PERMUTATIONS, max(_LEAST_PERMUTATIONS, _CHANGES // count))
-    return np.where(rng.integers(2, size=(permutations, count), dtype=np.int8) == 1, 1.0, -1.0)
+    permutations = min(PERMUTATIONS, max(_LEAST_PERMUTATIONS, _CHANGES // objects))
+    return np.where(rng.integers(2, size=(permutations, objects), dtype=np.int8) == 1, 1.0, -1.0)
 
 
 def _effect_size(means: npt.NDArray[np.float64], *, rounding: float) -> float | None:
@@ -241,11 +246,11 @@ def _minimum_detectable(
     mean over n objects that are drawn with all their scenes (Liang and Zeger 1986, with the usual
     factor for few objects).
     """
-    count, scenes = sizes.size, float(sizes.sum())
-    errors = detectable_errors(count, alternative=alternative)
+    objects, scenes = sizes.size, float(sizes.sum())
+    errors = detectable_errors(objects, alternative=alternative)
     if errors is None:
         return None
     apart = sums - sizes * (sums.sum() / scenes)
     if np.abs(apart / sizes).max() <= rounding:
         return 0.0
-    return errors * math.sqrt(count / (count - 1) * float(np.sum(apart**2))) / scenes
+    return errors * math.sqrt(objects / (objects - 1) * float(np.sum(apart**2))) / scenes

@@ -5,8 +5,7 @@ Intervals of the means, the other metrics and the sweep stand in the run's files
 
 from __future__ import annotations
 
-import itertools
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 from rich.console import Group, RenderableType
 from rich.table import Table as Grid
@@ -14,32 +13,25 @@ from rich.text import Text
 
 from harness.table.cells import (
     cell_label,
+    chunks,
     compact,
-    compact_difference,
     explanation,
-    is_significant,
     object_count,
-    pair_label,
     scene_count,
 )
 from harness.table.columns import (
     BRIEF_COLUMNS,
-    DIFFERENCE_COLUMNS,
-    HIGHER_IS_BETTER,
     SEED_COLUMNS,
     STATE_COLUMNS,
     Column,
 )
+from harness.table.contrasts import difference_blocks
 from harness.table.summary import model_label
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from harness.statistics import MeanEstimate
-    from harness.table.differences import Difference
     from harness.table.summary import Row, Table
-
-    Item = TypeVar("Item")
 
 _GAP = 2
 _NUMBER_WIDTH = len(".000")
@@ -55,55 +47,6 @@ def render_brief(table: Table, *, width: int) -> RenderableType:
     parts += difference_blocks(table.reported_differences(), width=width)
     parts.append(Text(explanation(table), style="dim"))
     return Group(*parts)
-
-
-def difference_blocks(differences: Sequence[Difference], *, width: int) -> list[RenderableType]:
-    """Lay differences out with a block for each class and test set, a column for each pair."""
-    blocks: list[RenderableType] = []
-    for title, group in itertools.groupby(differences, key=cell_label):
-        items = list(group)
-        blocks += [
-            Text(f"{title}, paired differences [95 % interval]", style="bold"),
-            *difference_grids([(pair_label(item), item) for item in items], width=width),
-            Text(),
-        ]
-    return blocks
-
-
-def difference_grids(
-    columns: Sequence[tuple[str, Difference]], *, width: int
-) -> Iterator[RenderableType]:
-    """Lay differences out as columns under their headings, a line for each measure."""
-    label_width = max(len(column.heading) for column in DIFFERENCE_COLUMNS)
-    lines = [
-        [compact_difference(item.values[column.key]) for column in DIFFERENCE_COLUMNS]
-        for _, item in columns
-    ]
-    needed = [
-        _GAP + max(len(heading), *map(len, cells))
-        for (heading, _), cells in zip(columns, lines, strict=True)
-    ]
-    for chunk in chunks(columns, needed, room=width - label_width):
-        grid = _grid([heading for heading, _ in chunk])
-        for column in DIFFERENCE_COLUMNS:
-            estimates = [item.values[column.key] for _, item in chunk]
-            cells = [Text(compact_difference(e), style=_style(e, column)) for e in estimates]
-            grid.add_row(column.heading, *cells)
-        if any(estimate.count < item.scenes for _, item in chunk for estimate in _all(item)):
-            grid.add_row("defined in", *(_least(item) for _, item in chunk), style="dim")
-        yield grid
-
-
-def chunks(items: Sequence[Item], needed: Sequence[int], *, room: int) -> list[Sequence[Item]]:
-    """Split items into lines of `room` characters, one item in each at least."""
-    lines: list[Sequence[Item]] = []
-    start = used = 0
-    for index, size in enumerate(needed):
-        if index > start and used + size > room:
-            lines.append(items[start:index])
-            start, used = index, 0
-        used += size
-    return [*lines, items[start:]]
 
 
 def _group(rows: Sequence[Row], *, width: int) -> Iterator[RenderableType]:
@@ -150,18 +93,3 @@ def _grid(headings: Sequence[str]) -> Grid:
     for heading in headings:
         grid.add_column(heading, justify="right", no_wrap=True)
     return grid
-
-
-def _style(estimate: MeanEstimate, column: Column) -> str:
-    if estimate.mean is None or not is_significant(estimate):
-        return ""
-    better = (estimate.mean > 0) == (column.key in HIGHER_IS_BETTER)
-    return "bold green" if better else "bold red"
-
-
-def _all(item: Difference) -> Iterator[MeanEstimate]:
-    return (item.values[column.key] for column in DIFFERENCE_COLUMNS)
-
-
-def _least(item: Difference) -> str:
-    return f"{min(estimate.count for estimate in _all(item))} to {item.scenes} scenes"

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
-from harness.statistics import LEAST_OBJECTS
+from harness.statistics import ALPHA, LEAST_OBJECTS, LEAST_TESTED, POWER, PairedTest
 from harness.table.differences import Difference
 from harness.table.summary import Row, completion_label
 
@@ -13,7 +13,10 @@ if TYPE_CHECKING:
 
     from harness.statistics import MeanEstimate
     from harness.table.columns import Column
+    from harness.table.differences import Contrast
     from harness.table.summary import Table
+
+    Item = TypeVar("Item")
 
 UNDEFINED = "\N{EN DASH}"
 
@@ -33,7 +36,7 @@ def compact(value: float | None) -> str:
     return number(value).replace("0.", ".", 1) if _is_fraction(value) else number(value)
 
 
-def compact_difference(estimate: MeanEstimate) -> str:
+def compact_difference(estimate: MeanEstimate | PairedTest) -> str:
     """Signed mean and interval, such as ``+.034 [+.012, +.056]``."""
     mean = _compact_signed(estimate.mean)
     if estimate.low is None:
@@ -41,20 +44,46 @@ def compact_difference(estimate: MeanEstimate) -> str:
     return f"{mean} [{_compact_signed(estimate.low)}, {_compact_signed(estimate.high)}]"
 
 
-def difference(estimate: MeanEstimate) -> str:
+def difference(estimate: MeanEstimate | PairedTest) -> str:
     """Signed mean and interval, such as ``+0.034 [+0.012, +0.056]``."""
     if estimate.low is None:
         return signed(estimate.mean) + ("" if estimate.mean is None else f" [{UNDEFINED}]")
     return f"{signed(estimate.mean)} [{signed(estimate.low)}, {signed(estimate.high)}]"
 
 
-def is_significant(estimate: MeanEstimate) -> bool:
-    """Whether the interval of a difference lies on one side of zero."""
-    return (
-        estimate.low is not None
-        and estimate.high is not None
-        and (estimate.low > 0 or estimate.high < 0)
-    )
+def probability(value: float | None) -> str:
+    """Write a p- or q-value with three decimals, such as ``.012`` or ``<.001``, or a dash."""
+    return "<.001" if value is not None and value < 0.0005 else compact(value)
+
+
+def effect(value: float | None) -> str:
+    """Write an effect size with two decimals and a sign, or a dash."""
+    return UNDEFINED if value is None else f"{value:+.2f}"
+
+
+def verdict(item: Contrast) -> tuple[str, str]:
+    """Say whether a difference was found, and what the scenes could tell.
+
+    That nothing was found never reads as that there is nothing: the second half, which continues
+    the first, says how great a difference would have been.
+    """
+    if item.mean is None:
+        return "", ""
+    if item.p_value is None:
+        return "not tested:", f"{LEAST_TESTED} objects are needed"
+    if item.mean == 0 and not item.minimum_detectable:
+        return "the same", "in every scene"
+    detectable = _compact_least(item.minimum_detectable)
+    if item.detected:
+        return "detected;", f"this run could detect {detectable}"
+    if item.p_value <= ALPHA:
+        return "not detected;", f"alone it would be ({detectable})"
+    return "not detected;", f"this run could detect {detectable}"
+
+
+def _compact_least(value: float | None) -> str:
+    """Three decimals, but never 0 for more than that."""
+    return "<.001" if value is not None and 0 < value < 0.0005 else compact(value)
 
 
 def interval(estimate: MeanEstimate) -> str:
@@ -72,9 +101,10 @@ def _is_fraction(value: float | None) -> bool:
     return value is not None and abs(round(value, 3)) < 1
 
 
-def partial_count(estimate: MeanEstimate, *, scenes: int) -> str:
+def partial_count(estimate: MeanEstimate | PairedTest, *, scenes: int) -> str:
     """``n=7`` where a value is undefined in some scenes; nothing where it is defined in all."""
-    return "" if estimate.count == scenes else f"n={estimate.count}"
+    count = estimate.scenes if isinstance(estimate, PairedTest) else estimate.count
+    return "" if count == scenes else f"n={count}"
 
 
 def cell_label(item: Row | Difference) -> str:
@@ -116,12 +146,41 @@ def millimetres(distance_m: float) -> str:
     return f"{distance_m * 1000:g} mm"
 
 
+def chunks(items: Sequence[Item], needed: Sequence[int], *, room: int) -> list[Sequence[Item]]:
+    """Split items into lines of `room` characters, one item in each at least."""
+    lines: list[Sequence[Item]] = []
+    start = used = 0
+    for index, size in enumerate(needed):
+        if index > start and used + size > room:
+            lines.append(items[start:index])
+            start, used = index, 0
+        used += size
+    return [*lines, items[start:]]
+
+
 INTERVALS = (
     "95 % bootstrap (BCa) intervals draw objects with all their scenes: none "
-    f"({UNDEFINED}) below {LEAST_OBJECTS} objects, and they cover about 84 % with {LEAST_OBJECTS}, "
-    "90 % with 10."
+    f"({UNDEFINED}) below {LEAST_OBJECTS} objects, and they cover about 91 % with {LEAST_OBJECTS}, "
+    "94 % with 8 or more, less where values are skewed."
 )
 """What the intervals are."""
+
+
+def _percent(share: float) -> str:
+    return f"{share * 100:g} %"
+
+
+TESTS = (
+    "Differences are paired by scene. p is that of changing the signs of objects' differences "
+    f"(two-sided; none below {LEAST_TESTED} objects), q is p adjusted by Benjamini and Hochberg "
+    "over all differences of the table at the tolerance: 'detected' is q up to "
+    f"{compact(ALPHA)}, so that of all that is called detected {_percent(ALPHA)} at most, on "
+    "average, is not there. The effect is the mean over objects in standard deviations of the "
+    "objects (Hedges' g). This run could detect: the least true difference that a single test at "
+    f"{_percent(ALPHA)} finds in {_percent(POWER)} of such runs; where none was detected, a "
+    "smaller one may still be there. 'Alone it would be': p is small enough, q is not."
+)
+"""What is said of differences."""
 
 
 def explanation(table: Table) -> str:
@@ -132,6 +191,7 @@ def explanation(table: Table) -> str:
         if any(row.missed for row in table.sweep)
         else ""
     )
+    tests = f" {TESTS}" if table.differences else ""
     return (
         "Mean over scenes. TP to FN are fractions of the test points. A point lies on the mesh "
         f"within {millimetres(table.reported_tolerance_m)} of it. {UNDEFINED} is undefined; n (or "
@@ -139,6 +199,6 @@ def explanation(table: Table) -> str:
         "completion's, the others fill the object's true box. Seed: its Table III, whose 'Acc.' "
         "column is precision. ECE is that of the raw probability, recal. that after recalibration. "
         "Random and nearest are the AURC of the same decisions in random order and by closeness to "
-        "the training points: a confidence worth having lies below both. Differences are paired "
-        f"by scene. {missed}{INTERVALS}"
+        "the training points: a confidence worth having lies below both. "
+        f"{missed}{INTERVALS}{tests}"
     )

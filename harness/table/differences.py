@@ -1,19 +1,23 @@
-"""Paired differences: what one model, or one run, measures on a scene less what another does."""
+"""Paired differences: what one model, or one run, measures on a scene less what another does.
+
+All differences of a table at one tolerance are one family of tests: every class, test set,
+segmenter, pair of models and measure that is tested (`harness.statistics.benjamini_hochberg`).
+"""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from harness.protocol import test_set_of
-from harness.statistics import MeanEstimate, mean_estimate
+from harness.statistics import ALPHA, PairedTest, benjamini_hochberg, paired_test
 from harness.table.columns import DIFFERENCE_COLUMNS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from harness.runs.records import Record
 
@@ -24,6 +28,25 @@ PAIRS = (
     ("metric", "nearest"),
 )
 """Models whose differences a run's table states: the first less the second."""
+
+
+@dataclass(frozen=True)
+class Contrast(PairedTest):
+    """A paired test among the others of its table.
+
+    Attributes
+    ----------
+    q_value
+        Adjusted by Benjamini and Hochberg: of the differences whose q is at most some share, no
+        greater share is none on average. None where the p-value is.
+    """
+
+    q_value: float | None
+
+    @property
+    def detected(self) -> bool:
+        """Whether the difference is taken for one, at a false discovery rate of `ALPHA`."""
+        return self.q_value is not None and self.q_value <= ALPHA
 
 
 @dataclass(frozen=True)
@@ -42,7 +65,7 @@ class Difference:
     scenes, objects
         Number of scenes that both scored, and of their objects.
     values
-        Mean difference and interval by column key; defined where both are.
+        Mean difference and what is known of it by column key; defined where both sides are.
     """
 
     category: str
@@ -53,7 +76,7 @@ class Difference:
     second: str
     scenes: int
     objects: int
-    values: Mapping[str, MeanEstimate]
+    values: Mapping[str, Contrast]
 
 
 def cell_order(category: str, completion: str, *, classes: Sequence[str]) -> tuple[object, ...]:
@@ -80,26 +103,25 @@ def model_differences(
     seed
         Of the resampling.
     """
-    models = {record.model for record in records}
+    by_model: defaultdict[str, list[Record]] = defaultdict(list)
+    for record in records:
+        by_model[record.model].append(record)
     found = [
         item
         for first, second in PAIRS
-        if first in models and second in models
-        for item in paired_differences(
-            [record for record in records if record.model == first],
-            [record for record in records if record.model == second],
-            classes=classes,
-            seed=seed,
-        )
+        if first in by_model and second in by_model
+        for item in _differences(by_model[first], by_model[second], seed=seed)
     ]
     # Stable, so that the pairs keep their order.
-    return tuple(sorted(found, key=lambda item: _order(item, classes=classes)))
+    return _in_families(sorted(found, key=lambda item: _order(item, classes=classes)))
 
 
 def paired_differences(
     first: Sequence[Record], second: Sequence[Record], *, classes: Sequence[str], seed: int
 ) -> tuple[Difference, ...]:
     """Differences of two models, or of one in two runs, by class, test set and tolerance.
+
+    They are one family at each tolerance.
 
     Parameters
     ----------
@@ -111,6 +133,14 @@ def paired_differences(
     seed
         Of the resampling.
     """
+    found = _differences(first, second, seed=seed)
+    return _in_families(sorted(found, key=lambda item: _order(item, classes=classes)))
+
+
+def _differences(
+    first: Sequence[Record], second: Sequence[Record], *, seed: int
+) -> list[Difference]:
+    """Differences in no family yet."""
     partners = {_pairing(record): record for record in second}
     groups: defaultdict[tuple[str, str, str, float], list[tuple[Record, Record]]]
     groups = defaultdict(list)
@@ -125,11 +155,27 @@ def paired_differences(
                 record.tolerance_m,
             )
             groups[cell].append((record, partner))
-    found = [
+    return [
         _difference(cell, pairs, names=(pairs[0][0].model, pairs[0][1].model), seed=seed)
         for cell, pairs in groups.items()
     ]
-    return tuple(sorted(found, key=lambda item: _order(item, classes=classes)))
+
+
+def _in_families(differences: Iterable[Difference]) -> tuple[Difference, ...]:
+    """State the q-values of differences, which at one tolerance are one family."""
+    items = list(differences)
+    families: defaultdict[float, list[tuple[int, str]]] = defaultdict(list)
+    for index, item in enumerate(items):
+        families[item.tolerance_m] += [(index, key) for key in item.values]
+    adjusted: list[dict[str, Contrast]] = [{} for _ in items]
+    for members in families.values():
+        tests = [items[index].values[key] for index, key in members]
+        p_values = [np.nan if test.p_value is None else test.p_value for test in tests]
+        q_values = benjamini_hochberg(np.array(p_values, dtype=np.float64))
+        for (index, key), test, q_value in zip(members, tests, q_values.tolist(), strict=True):
+            known = None if test.p_value is None else q_value
+            adjusted[index][key] = replace(test, q_value=known)
+    return tuple(replace(item, values=values) for item, values in zip(items, adjusted, strict=True))
 
 
 def _order(item: Difference, *, classes: Sequence[str]) -> tuple[object, ...]:
@@ -154,9 +200,8 @@ def _difference(
     for column in DIFFERENCE_COLUMNS:
         sides = [(column.value(first), column.value(second)) for first, second in pairs]
         less = [np.nan if a is None or b is None else a - b for a, b in sides]
-        values[column.key] = mean_estimate(
-            np.array(less, dtype=np.float64), objects=objects, seed=seed
-        )
+        test = paired_test(np.array(less, dtype=np.float64), objects=objects, seed=seed)
+        values[column.key] = Contrast(**asdict(test), q_value=None)
     return Difference(
         category=category,
         completion=completion,

@@ -22,6 +22,10 @@ HEADINGS = (
     "mean",
     "low",
     "high",
+    "p_value",
+    "q_value",
+    "effect_size",
+    "minimum_detectable",
     "scenes_defined",
     "scenes",
     "objects",
@@ -35,7 +39,8 @@ HEADINGS = (
 def render_csv(table: Table) -> str:
     """All tolerances, at full precision; an undefined value is an empty field.
 
-    Where ``less_model`` names a model, the line is a difference paired by scene.
+    Where ``less_model`` names a model, the line is a difference paired by scene; the q-values of
+    one tolerance's differences are of one family.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -57,6 +62,10 @@ def render_csv(table: Table) -> str:
                     estimate.mean,
                     estimate.low,
                     estimate.high,
+                    None,
+                    None,
+                    None,
+                    None,
                     estimate.count,
                     row.scenes,
                     row.objects,
@@ -68,7 +77,7 @@ def render_csv(table: Table) -> str:
             )
     for item in table.differences:
         for column in DIFFERENCE_COLUMNS:
-            estimate = item.values[column.key]
+            contrast = item.values[column.key]
             writer.writerow(
                 (
                     item.category,
@@ -78,10 +87,14 @@ def render_csv(table: Table) -> str:
                     item.segmenter,
                     item.tolerance_m,
                     column.key,
-                    estimate.mean,
-                    estimate.low,
-                    estimate.high,
-                    estimate.count,
+                    contrast.mean,
+                    contrast.low,
+                    contrast.high,
+                    contrast.p_value,
+                    contrast.q_value,
+                    contrast.effect_size,
+                    contrast.minimum_detectable,
+                    contrast.scenes,
                     item.scenes,
                     item.objects,
                     None,

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING
 
 from harness.table.cells import (
     UNDEFINED,
     cell_label,
     difference,
+    effect,
     explanation,
     has_seed,
     interval,
@@ -16,8 +18,10 @@ from harness.table.cells import (
     object_count,
     pair_label,
     partial_count,
+    probability,
     scene_count,
     signed,
+    verdict,
 )
 from harness.table.columns import DIFFERENCE_COLUMNS, PARTS, SWEEP_COLUMNS, Column
 
@@ -39,6 +43,7 @@ _ESCAPES = str.maketrans(
         "$": r"\$",
         "^": r"\textasciicircum{}",
         "~": r"\textasciitilde{}",
+        "<": r"\textless{}",
         UNDEFINED: "--",
     }
 )
@@ -55,9 +60,11 @@ def render_latex(table: Table) -> str:
     for columns in PARTS:
         headings = ["", *(column.heading for column in columns)]
         lines += _tabular(headings, _main(table.rows, columns))
-    if differences := table.reported_differences():
-        headings = ["", "difference", *(column.heading for column in DIFFERENCE_COLUMNS)]
-        lines += _tabular(headings, _differences(differences))
+    for title, group in itertools.groupby(table.reported_differences(), key=cell_label):
+        items = list(group)
+        counts = f"{scene_count(items[0])}, {object_count(items[0])}"
+        headings = [f"{title}, {counts}", "mean [95 % interval]", "p", "q", "effect", "verdict"]
+        lines += _tabular(headings, _differences(items))
     if len({row.tolerance_m for row in table.sweep}) > 1:
         headings = ["", "tolerance", *(column.heading for column in SWEEP_COLUMNS)]
         lines += _tabular(headings, _sweep(table.sweep))
@@ -95,10 +102,23 @@ def _main(rows: Sequence[Row], columns: Sequence[Column]) -> Iterator[str]:
 
 
 def _differences(differences: Sequence[Difference]) -> Iterator[str]:
-    for item in differences:
-        cells = (difference(item.values[column.key]) for column in DIFFERENCE_COLUMNS)
-        label = f"{cell_label(item)}, {scene_count(item)}, {object_count(item)}"
-        yield _line([escape(cell) for cell in (label, pair_label(item), *cells)])
+    for index, item in enumerate(differences):
+        if index:
+            yield r"\addlinespace"
+        yield _line([escape(pair_label(item)), *[""] * 5])
+        for column in DIFFERENCE_COLUMNS:
+            contrast = item.values[column.key]
+            if not contrast.scenes:
+                continue
+            cells = (
+                f"{column.heading} {partial_count(contrast, scenes=item.scenes)}".rstrip(),
+                difference(contrast),
+                probability(contrast.p_value),
+                probability(contrast.q_value),
+                effect(contrast.effect_size),
+                " ".join(verdict(contrast)),
+            )
+            yield _line([escape(cell) for cell in cells])
 
 
 def _sweep(rows: Sequence[Row]) -> Iterator[str]:

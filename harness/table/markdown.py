@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from harness.table.cells import (
     cell_label,
     difference,
+    effect,
     explanation,
     has_seed,
     interval,
@@ -14,7 +15,9 @@ from harness.table.cells import (
     number,
     pair_label,
     partial_count,
+    probability,
     signed,
+    verdict,
 )
 from harness.table.columns import DIFFERENCE_COLUMNS, PARTS, SWEEP_COLUMNS, Column
 
@@ -38,29 +41,41 @@ def render_markdown(table: Table) -> str:
 
 
 def markdown_differences(differences: Sequence[Difference]) -> list[str]:
-    """Lines of the section of paired differences; none without any."""
+    """Lines of the section of paired differences, one each that any scene defines."""
     if not differences:
         return []
-    headings = ["", "difference", "scenes", "objects"]
+    headings = ["", "difference", "metric", "scenes", "objects", "mean [95 % interval]"]
     return [
         "## Paired differences",
         "",
-        _line([*headings, *(column.heading for column in DIFFERENCE_COLUMNS)]),
-        _line(["---", "---", "--:", "--:", *("--:" for _ in DIFFERENCE_COLUMNS)]),
+        _line([*headings, "p", "q", "effect size", "verdict"]),
+        _line(["---", "---", "---", "--:", "--:", "--:", "--:", "--:", "--:", "---"]),
         *(
-            _line(
-                [
-                    cell_label(item),
-                    pair_label(item),
-                    str(item.scenes),
-                    str(item.objects),
-                    *(difference(item.values[column.key]) for column in DIFFERENCE_COLUMNS),
-                ]
-            )
+            _difference_line(item, column)
             for item in differences
+            for column in DIFFERENCE_COLUMNS
+            if item.values[column.key].scenes
         ),
         "",
     ]
+
+
+def _difference_line(item: Difference, column: Column) -> str:
+    contrast = item.values[column.key]
+    return _line(
+        [
+            cell_label(item),
+            pair_label(item),
+            column.heading,
+            str(contrast.scenes),
+            str(contrast.objects),
+            difference(contrast),
+            probability(contrast.p_value),
+            probability(contrast.q_value),
+            effect(contrast.effect_size),
+            " ".join(verdict(contrast)),
+        ]
+    )
 
 
 def _main(rows: Sequence[Row], columns: Sequence[Column]) -> Iterator[str]:

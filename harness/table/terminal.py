@@ -9,8 +9,8 @@ from rich.console import Group, RenderableType
 from rich.table import Table as Grid
 from rich.text import Text
 
-from harness.table.brief import chunks, difference_blocks
 from harness.table.cells import (
+    chunks,
     explanation,
     has_seed,
     interval,
@@ -21,6 +21,7 @@ from harness.table.cells import (
     signed,
 )
 from harness.table.columns import COLUMNS, PARTS, SWEEP_COLUMNS, Column
+from harness.table.contrasts import difference_blocks
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

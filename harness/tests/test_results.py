@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -9,8 +10,9 @@ import pytest
 
 from harness.bench import BenchOptions, run_bench
 from harness.errors import InputError
-from harness.results import compare_runs, is_cluttered
-from harness.runs.records import Record, read_records, write_records
+from harness.results import Comparison, compare_runs, is_cluttered, show_run
+from harness.runs.job import SceneJob
+from harness.runs.records import SCHEMA_VERSION, Record, read_records, write_records
 from harness.tests.fake_wiring import WIRING
 
 if TYPE_CHECKING:
@@ -52,6 +54,7 @@ def test_a_better_run_differs_by_as_much(
     for item in found.differences:
         assert item.tolerance_m == 0.005
         assert item.values["accuracy"].mean == pytest.approx(0.25)
+    assert (found.first, found.model_b, found.empty) == (folder, "metric", [])
 
 
 @pytest.mark.parametrize(
@@ -129,3 +132,96 @@ def test_a_tolerance_that_the_second_lacks_is_named(tmp_path: Path, folder: Path
         compare_runs(folder, wide, model_a="metric", model_b="metric")
     assert compare_runs(wide, folder, model_a="metric", model_b="metric").scenes == 6
     assert not is_cluttered(wide)
+
+
+# --- bad input ---
+
+
+def compare(first: Path, second: Path) -> Comparison:
+    return compare_runs(first, second, model_a="metric", model_b="metric")
+
+
+def test_an_unfinished_run_is_named(
+    folder: Path, changed: Callable[[Callable[[Record], Record | None]], Path]
+) -> None:
+    other = changed(lambda row: row)
+    (other / "records.parquet").unlink()
+    for runs in ((folder, other), (other, folder)):
+        with pytest.raises(InputError) as caught:
+            compare(*runs)
+        assert str(caught.value) == (
+            f"{other} is unfinished; finish it with `harness bench --out {other}`"
+        )
+
+
+@pytest.mark.parametrize("sessions", [True, False])
+def test_another_schema_version_is_said_before_its_tables_are_read(
+    folder: Path,
+    changed: Callable[[Callable[[Record], Record | None]], Path],
+    *,
+    sessions: bool,
+) -> None:
+    other = changed(lambda row: row)
+    manifest = json.loads((other / "manifest.json").read_text(encoding="utf-8"))
+    manifest["schema_version"] = 3
+    # What an earlier version configured need not be readable either.
+    manifest["config"] = {"scenes": {"fog": 1}}
+    manifest["sessions"] = [{"git": {"revision": "abc"}}] if sessions else []
+    (other / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    (other / "records.parquet").write_bytes(b"old")
+    by = " (git revision abc)" if sessions else ""
+    message = (
+        f"{other} was written with record schema 3, this version reads {SCHEMA_VERSION}; read it "
+        f"with the version that wrote it{by}, or run it again with `harness bench --config "
+        f"{other / 'config.toml'}`"
+    )
+    with pytest.raises(InputError) as caught:
+        compare(folder, other)
+    assert str(caught.value) == message
+    with pytest.raises(InputError) as caught:
+        show_run(other)
+    assert str(caught.value) == message
+
+
+def test_corrupt_parquet_is_named(
+    folder: Path, changed: Callable[[Callable[[Record], Record | None]], Path]
+) -> None:
+    other = changed(lambda row: row)
+    path = other / "records.parquet"
+    whole = path.read_bytes()
+    for content in (whole[:-30], whole[: len(whole) // 2], b"", b"PAR1" * 10):
+        path.write_bytes(content)
+        with pytest.raises(InputError) as caught:
+            compare(folder, other)
+        assert str(caught.value).startswith(f"{path} is damaged (")
+        assert str(caught.value).endswith(
+            f"); delete it and resume the run with `harness bench --out {other}`"
+        )
+
+
+def test_a_class_without_a_scored_scene_is_named(
+    folder: Path, changed: Callable[[Callable[[Record], Record | None]], Path]
+) -> None:
+    jobs = {
+        record.scene_id: SceneJob(record.scene_id, record.category, record.object_name, record.seed)
+        for record in read_records(folder / "records.parquet")
+    }
+
+    def lose_bowls(row: Record) -> Record:
+        if row.category != "bowl":
+            return row
+        return Record.failed(
+            jobs[row.scene_id],
+            variant=row.variant,
+            views=row.views,
+            tolerance_m=row.tolerance_m,
+            failure="lost",
+        )
+
+    other = changed(lose_bowls)
+    found = compare(folder, other)
+    assert [item.category for item in found.differences] == ["mug"]
+    assert found.empty == [
+        f"No scene of class 'bowl' is compared: {folder} scored 3 of its 3 scenes, {other} scored "
+        "0 of its 3 scenes; failed scenes are tried again with `harness bench --out RUN`"
+    ]
