@@ -1,143 +1,94 @@
-"""The command line. Every command is also a plain function that returns a result object."""
+"""The command line: what commands there are, and how they end.
+
+Every command is also a plain function that returns a result object, and has its module ``cli_*``.
+"""
 
 from __future__ import annotations
 
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING
 
 import typer
-from rich.console import Console
-from rich.progress import Progress as ProgressBar
 
 from harness import (
+    cli_ablate,
     cli_bench,
+    cli_calibration,
     cli_completion,
     cli_data,
     cli_merge,
     cli_pictures,
+    cli_render,
+    cli_report,
     cli_segmentation,
     cli_study,
 )
 from harness.bench import RunInterruptedError
-from harness.cli_parts import (
-    EXIT_BAD_INPUT,
-    EXIT_INTERRUPTED,
-    EXIT_OK,
-    number_option,
-    print_line,
-)
+from harness.cli_parts import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK
 from harness.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+MODULES = (
+    cli_bench,
+    cli_ablate,
+    cli_calibration,
+    cli_merge,
+    cli_data,
+    cli_study,
+    cli_render,
+    cli_report,
+    cli_segmentation,
+    cli_completion,
+    cli_pictures,
+)
+"""Whose commands there are."""
+
+CONTENTS = {
+    "Measure": ("bench", "ablate", "run", "merge"),
+    "Judge": ("compare", "calibration", "threshold"),
+    "Look": ("show", "report", "render"),
+    "Measure and tune single stages": ("segmentation-report", "completion-report", "tune"),
+    "Make data": ("assets", "export", "training-pictures"),
+}
+"""The table of contents: what `harness --help` lists, in its order."""
+
 app = typer.Typer(
     name="harness",
-    help="Benchmark of confidence scores in semantic maps, on simulated scenes with known meshes.",
-    add_completion=False,
+    help=(
+        "Benchmark of confidence scores in semantic maps, on simulated scenes with known meshes."
+        "\n\nBegin with [cyan]harness bench --quick[/cyan]; each command's --help has examples, "
+        "and --json prints its result for machines."
+    ),
+    epilog=(
+        "Exit codes: 0 done; 1 the gate or every scene failed; 2 bad input, said in one line; "
+        "130 interrupted, what is finished is kept."
+    ),
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-app.registered_commands += cli_bench.commands.registered_commands
+
+def _register() -> None:
+    """Put every module's commands under their heading of `CONTENTS`."""
+    found = {
+        command.name or str(getattr(command.callback, "__name__", "")): command
+        for module in MODULES
+        for command in module.commands.registered_commands
+    }
+    for heading, names in CONTENTS.items():
+        for name in names:
+            found[name].rich_help_panel = heading
+            app.registered_commands.append(found.pop(name))
+    if found:
+        raise LookupError(f"commands without a heading: {sorted(found)}")
 
 
-@app.command(
-    epilog=(
-        "[bold]Examples[/bold]\n\n"
-        "Meshes to train on:  [cyan]harness assets --out meshes --count 200[/cyan]\n\n"
-        "The benchmark set again:  [cyan]harness assets --out assets --benchmark[/cyan]"
-    )
-)
-def assets(
-    *,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder to write.")],
-    split: Annotated[
-        Literal["train", "validation", "test"],
-        typer.Option(help="Splits never share a parameter draw."),
-    ] = "train",
-    seed: Annotated[int, number_option("Same seed: same files, byte for byte.")] = 0,
-    count: Annotated[
-        int, number_option("Meshes of each of the six categories.", "--count", "--per-category")
-    ] = 10,
-    benchmark: Annotated[
-        bool,
-        typer.Option("--benchmark", help="The benchmark set instead: its split, seed and counts."),
-    ] = False,
-) -> int:
-    """Generate watertight meshes in metres, with a manifest that `bench --objects` reads."""
-    from harness.assets import generate_assets
-
-    console = Console(stderr=True)
-    with ProgressBar(console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("meshes")
-        try:
-            records = generate_assets(
-                out,
-                split=split,
-                seed=seed,
-                per_category=count,
-                benchmark=benchmark,
-                progress=lambda step: bar.update(task, completed=step.done, total=step.total),
-            )
-        except (ValueError, OSError) as error:
-            raise InputError(str(error)) from error
-    print_line(f"{len(records)} meshes in {out}")
-    return EXIT_OK
-
-
-@app.command(
-    epilog=(
-        "[bold]Examples[/bold]\n\n"
-        "A scene of the default benchmark:  [cyan]harness render --scene mug-0003[/cyan]\n\n"
-        "A cluttered one:  [cyan]harness render --scene bowl-0001 --cluttered[/cyan]\n\n"
-        "As a run saw it:  "
-        "[cyan]harness render --scene mug-0000 --config results/RUN/config.toml[/cyan]"
-    )
-)
-def render(
-    *,
-    scene: Annotated[
-        str,
-        typer.Option(
-            metavar="ID", help="Class and number of a scene of the run, such as mug-0003."
-        ),
-    ],
-    cluttered: Annotated[
-        bool, typer.Option("--cluttered", help="Put other objects around the target.")
-    ] = False,
-    seed: Annotated[int | None, number_option("Seed of the run.")] = None,
-    objects: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder of meshes with a manifest.json.")
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="By default results/render/ID.")
-    ] = None,
-    config: Annotated[Path | None, typer.Option(metavar="FILE", help="TOML, as for bench.")] = None,
-) -> int:
-    """Write a scene's images, depth, masks, its map in 3-D and its completed shapes."""
-    from harness.render import RenderOptions, run_render
-
-    pictures = run_render(
-        RenderOptions(
-            scene=scene, cluttered=cluttered, seed=seed, objects=objects, out=out, config=config
-        )
-    )
-    for reason in pictures.uncompleted.values():
-        print_line(reason)
-    clouds = f" and {len(pictures.clouds)} completed clouds" if pictures.clouds else ""
-    print_line(
-        f"{len(pictures.files)} pictures{clouds} in {pictures.folder}; "
-        f"all in one: {pictures.montage}"
-    )
-    return EXIT_OK
-
-
-for part in (cli_merge, cli_study, cli_segmentation, cli_completion, cli_data, cli_pictures):
-    app.registered_commands += part.commands.registered_commands
+_register()
 
 
 def check_python(version: tuple[int, int]) -> None:

@@ -155,8 +155,12 @@ def show(
             help="Which categories are taken for which; always shown of cluttered scenes.",
         ),
     ] = False,
+    json: JsonOption = False,
 ) -> int:
     """Print a run's table again."""
+    if json:
+        print_json({"table": show_run(run), "confusion": show_confusion(run)})
+        return EXIT_OK
     print_run(run, show_run(run), everything=everything, confusion=confusion)
     return EXIT_OK
 

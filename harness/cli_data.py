@@ -1,18 +1,76 @@
-"""Commands on datasets: `export` and `run`."""
+"""Commands on data: `assets`, `export` and `run`."""
 
 from __future__ import annotations
 
 from pathlib import Path  # noqa: TC003 - typer reads annotations at run time
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 from rich.console import Console
+from rich.progress import Progress as ProgressBar
 
-from harness.cli_parts import EXIT_FAILED, EXIT_OK, number_option, print_line, stdout
+from harness.cli_parts import (
+    EXIT_FAILED,
+    EXIT_OK,
+    JsonOption,
+    number_option,
+    print_json,
+    print_line,
+    stdout,
+)
+from harness.errors import InputError
 from harness.runs.progress import ConsoleProgress
 from harness.table.brief import render_brief
 
 commands = typer.Typer()
+
+
+@commands.command(
+    epilog=(
+        "[bold]Examples[/bold]\n\n"
+        "Meshes to train on:  [cyan]harness assets --out meshes --count 200[/cyan]\n\n"
+        "The benchmark set again:  [cyan]harness assets --out assets --benchmark[/cyan]"
+    )
+)
+def assets(
+    *,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder to write.")],
+    split: Annotated[
+        Literal["train", "validation", "test"],
+        typer.Option(help="Splits never share a parameter draw."),
+    ] = "train",
+    seed: Annotated[int, number_option("Same seed: same files, byte for byte.")] = 0,
+    count: Annotated[
+        int, number_option("Meshes of each of the six categories.", "--count", "--per-category")
+    ] = 10,
+    benchmark: Annotated[
+        bool,
+        typer.Option("--benchmark", help="The benchmark set instead: its split, seed and counts."),
+    ] = False,
+    json: JsonOption = False,
+) -> int:
+    """Generate watertight meshes in metres, with a manifest that `bench --objects` reads."""
+    from harness.assets import generate_assets
+
+    console = Console(stderr=True)
+    with ProgressBar(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("meshes")
+        try:
+            records = generate_assets(
+                out,
+                split=split,
+                seed=seed,
+                per_category=count,
+                benchmark=benchmark,
+                progress=lambda step: bar.update(task, completed=step.done, total=step.total),
+            )
+        except (ValueError, OSError) as error:
+            raise InputError(str(error)) from error
+    if json:
+        print_json({"folder": out, "meshes": len(records)})
+    else:
+        print_line(f"{len(records)} meshes in {out}")
+    return EXIT_OK
 
 
 @commands.command(
@@ -35,6 +93,7 @@ def export(
     cluttered: Annotated[
         bool, typer.Option("--cluttered", help="Put other objects around the targets.")
     ] = False,
+    json: JsonOption = False,
 ) -> int:
     """Write a run's scenes as a BOP dataset, from which `run` gets the same records."""
     from harness.dataset_export import ExportOptions, run_export
@@ -48,6 +107,9 @@ def export(
     )
     for note in result.notes:
         progress.note(note)
+    if json:
+        print_json(result)
+        return EXIT_FAILED if result.all_failed else EXIT_OK
     if result.all_failed:
         print_line(f"none of {result.scenes} scenes could be simulated; nothing was written")
         return EXIT_FAILED
@@ -90,6 +152,7 @@ def run(
         str | None,
         typer.Option(metavar="NAME", help="Category of the objects that the dataset gives none."),
     ] = None,
+    json: JsonOption = False,
 ) -> int:
     """Map, classify and score a BOP dataset; what has no truth is mapped without scores."""
     from harness.dataset_run import DatasetOptions, run_dataset
@@ -103,6 +166,9 @@ def run(
     )
     for item in result.unscored:
         progress.note(f"{item.scene_id} {item.outcome}: {item.reason}")
+    if json:
+        print_json(result)
+        return EXIT_FAILED if result.nothing_ran else EXIT_OK
     console = stdout()
     if result.table.rows:
         console.print(render_brief(result.table, width=console.width))

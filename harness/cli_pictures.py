@@ -17,7 +17,14 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from harness.cli_parts import EXIT_INTERRUPTED, EXIT_OK, number_option, print_line
+from harness.cli_parts import (
+    EXIT_INTERRUPTED,
+    EXIT_OK,
+    JsonOption,
+    number_option,
+    print_json,
+    print_line,
+)
 from harness.errors import InputError
 
 commands = typer.Typer()
@@ -50,6 +57,7 @@ def training_pictures(
         int | None,
         number_option("Worker processes, by default one per core; no byte depends on it."),
     ] = None,
+    json: JsonOption = False,
 ) -> int:
     """Render pictures with true masks, of random looks, to train the segmentation network on."""
     try:
@@ -98,6 +106,9 @@ def training_pictures(
             soft_wrap=True,
         )
         return EXIT_INTERRUPTED
+    if json:
+        print_json(result)
+        return EXIT_OK
     for name, why in result.repaired.items():
         print_line(f"{name} was made again: {why}")
     print_line(
