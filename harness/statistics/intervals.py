@@ -119,15 +119,16 @@ def bootstrap_interval(
     if count < LEAST_OBJECTS:
         return None
     mean = values.mean()
-    sizes = np.bincount(member)
+    sizes = np.bincount(member).astype(np.float64)
     sums = np.bincount(member, weights=values)
     # Rounding alone must not pass for spread, nor break a tie.
     rounding = 1e-12 * np.abs(values).max()
     if np.abs(sums / sizes - mean).max() <= rounding:
         return float(mean), float(mean)
     resamples = min(resamples, max(_LEAST_RESAMPLES, _DRAWS // count))
-    drawn = _draw(seed=seed, count=count, resamples=resamples)
-    means = sums[drawn].sum(axis=1) / sizes[drawn].sum(axis=1)
+    times = _draw(seed=seed, count=count, resamples=resamples)
+    # Not by BLAS, whose sums may depend on the number of its threads in their last bits.
+    means = np.einsum("ro,o->r", times, sums) / np.einsum("ro,o->r", times, sizes)
     # Ties count half, as many scenes share a value such as a recall of 1.
     less = np.count_nonzero(means < mean - rounding)
     below = (less + np.count_nonzero(means <= mean + rounding)) / (2 * resamples)
@@ -143,7 +144,10 @@ def bootstrap_interval(
 
 
 @lru_cache(maxsize=8)
-def _draw(*, seed: int, count: int, resamples: int) -> npt.NDArray[np.int64]:
-    """Objects (resamples, count) of each resample; the cells of a table draw the same ones."""
+def _draw(*, seed: int, count: int, resamples: int) -> npt.NDArray[np.float64]:
+    """How often each resample has each object (resamples, count); a table's cells draw the same."""
     rng = np.random.Generator(np.random.Philox(seed))
-    return rng.integers(count, size=(resamples, count))
+    drawn = rng.integers(count, size=(resamples, count))
+    places = drawn + np.arange(resamples)[:, np.newaxis] * count
+    times = np.bincount(places.ravel(), minlength=resamples * count)
+    return times.reshape(resamples, count).astype(np.float64)
