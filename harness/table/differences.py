@@ -113,7 +113,7 @@ def model_differences(
         for item in _differences(by_model[first], by_model[second], seed=seed)
     ]
     # Stable, so that the pairs keep their order.
-    return _in_families(sorted(found, key=lambda item: _order(item, classes=classes)))
+    return in_families(sorted(found, key=lambda item: _order(item, classes=classes)))
 
 
 def paired_differences(
@@ -134,7 +134,7 @@ def paired_differences(
         Of the resampling.
     """
     found = _differences(first, second, seed=seed)
-    return _in_families(sorted(found, key=lambda item: _order(item, classes=classes)))
+    return in_families(sorted(found, key=lambda item: _order(item, classes=classes)))
 
 
 def _differences(
@@ -161,8 +161,14 @@ def _differences(
     ]
 
 
-def _in_families(differences: Iterable[Difference]) -> tuple[Difference, ...]:
-    """State the q-values of differences, which at one tolerance are one family."""
+def in_families(differences: Iterable[Difference]) -> tuple[Difference, ...]:
+    """State the q-values of differences, which at one tolerance are one family.
+
+    Parameters
+    ----------
+    differences
+        All that stand in one table; q-values that they have are forgotten.
+    """
     items = list(differences)
     families: defaultdict[float, list[tuple[int, str]]] = defaultdict(list)
     for index, item in enumerate(items):
