@@ -144,10 +144,10 @@ def powers(trials: int, rng: np.random.Generator) -> Iterable[Sequence[str]]:
 def false_discoveries(trials: int, rng: np.random.Generator) -> Iterable[Sequence[str]]:
     """Yield what share of a table's discoveries is false, and of its true differences found.
 
-    A table has 4 classes and test sets with objects of their own, and in each 24 differences,
+    A table has 4 classes and test sets with objects of their own, and in each 12 differences,
     which depend on each other for they are of the same scenes.
     """
-    tables, cells, columns = max(trials // 8, 1), 4, 24
+    tables, cells, columns = max(trials // 4, 1), 4, 12
     for kind, true_share in product(DISTRIBUTIONS, (0.0, 0.25, 0.75)):
         design, false, power = Design.of(12, icc=0.6), [], []
         for _ in range(tables):
@@ -198,7 +198,7 @@ def main() -> None:
         powers(trials, rng),
     )
     _print_table(
-        f"False discoveries at q <= {ALPHA:.0%} (96 differences, 12 objects)",
+        f"False discoveries at q <= {ALPHA:.0%} (48 differences, 12 objects)",
         ["differences", "true ones", "false discoveries", "found of the true ones"],
         false_discoveries(trials, rng),
     )
