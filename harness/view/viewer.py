@@ -85,11 +85,11 @@ def serve(file: Path, *, port: int) -> None:
 
 
 def _run_viewer(arguments: Sequence[str]) -> None:
-    # A group of its own: the package's script starts the viewer proper, which would outlive it.
-    viewer = subprocess.Popen(
-        [sys.executable, "-m", "rerun", *arguments], stdout=sys.stderr, process_group=0
-    )
     with _terminated_as_interrupted():
+        # A group of its own: the package's script starts the viewer proper, which would outlive it.
+        viewer = subprocess.Popen(
+            [sys.executable, "-m", "rerun", *arguments], stdout=sys.stderr, process_group=0
+        )
         try:
             code = viewer.wait()
         finally:
