@@ -84,8 +84,8 @@ class Backdrop:
         width, height = view.size
         self._view = replace(view, size=(width * OVERSAMPLING, height * OVERSAMPLING))
         self._size = view.size
-        self._depth = _cast(truth, self._view)
-        self._grey = _shade(self._depth, self._view)
+        self._depth = cast_surface(truth, self._view)
+        self._grey = shade_surface(self._depth, self._view)
 
     def draw(self, clouds: Sequence[Dots]) -> Picture:
         """Draw clouds, all before the viewer, the near points last; (height, width, 3) uint8."""
@@ -109,7 +109,7 @@ class Backdrop:
         return np.asarray(image.resize(self._size, Image.Resampling.BOX))
 
 
-def _cast(truth: MeshTruth, view: View) -> Floats:
+def cast_surface(truth: MeshTruth, view: View) -> Floats:
     """Depth (height, width) of the surface at each pixel, NaN where there is none."""
     rays = view.rays()
     directions = np.ascontiguousarray(rays.reshape(-1, 3))
@@ -117,8 +117,30 @@ def _cast(truth: MeshTruth, view: View) -> Floats:
     return truth.ray_depths(origins, directions).reshape(rays.shape[:2])
 
 
-def _shade(depth: Floats, view: View) -> Picture:
-    """Grey (height, width, 3) by how far the surface is turned to the viewer."""
+def shade_surface(
+    depth: Floats,
+    view: View,
+    *,
+    greys: tuple[int, int] = SURFACE_GREY,
+    ground: tuple[int, int, int] = GROUND,
+) -> Picture:
+    """Shade a surface by how far it is turned to the viewer.
+
+    Parameters
+    ----------
+    depth : (height, width) float64
+        As `cast_surface` finds it.
+    view
+        Where from.
+    greys
+        Where the surface faces sideways, and where it faces the viewer.
+    ground
+        Where there is none.
+
+    Returns
+    -------
+    picture : (height, width, 3) uint8
+    """
     rays = view.rays()
     hits = rays * depth[..., None]
     down, right = np.gradient(hits, axis=(0, 1))
@@ -126,8 +148,8 @@ def _shade(depth: Floats, view: View) -> Picture:
     lengths = np.linalg.norm(normal, axis=-1) * np.linalg.norm(rays, axis=-1)
     with np.errstate(invalid="ignore", divide="ignore"):
         facing = np.abs((normal * rays).sum(axis=-1)) / lengths
-    low, high = SURFACE_GREY
+    low, high = greys
     # Along an outline there is no gradient: it is turned sideways.
     grey = low + (high - low) * np.nan_to_num(facing, nan=0.0)
     empty = np.isnan(depth)[..., None]
-    return np.asarray(np.where(empty, GROUND, grey[..., None]), dtype=np.uint8)
+    return np.asarray(np.where(empty, ground, grey[..., None]), dtype=np.uint8)

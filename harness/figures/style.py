@@ -64,7 +64,7 @@ MODELS = MappingProxyType(
         "metric_literal": SeriesStyle("metric, literal", SKY, "v", "dashed"),
         "metric": SeriesStyle("metric", BLUE, "o", "solid"),
         "network": SeriesStyle("network alone", GREEN, "^", "dashdot"),
-        "nearest": SeriesStyle("nearest observation", PURPLE, "X", "dotted"),
+        "nearest": SeriesStyle("nearest observation", PURPLE, "P", "dotted"),
     }
 )
 """By a record's model: what rests on coordinates is warm, what rests on the embedding cool."""
@@ -78,7 +78,7 @@ CERTAIN = ORANGE
 TRUE_MESH = "#D9D9D9"
 
 CONFIDENCE_COLOURS = LinearSegmentedColormap.from_list(
-    "confidence", [(0.0, "#00366B"), (0.3, BLUE), (0.75, ORANGE), (1.0, "#FFE08A")]
+    "confidence", [(0.0, "#00366B"), (0.45, BLUE), (1.0, "#F0B030")]
 )
 """Confidence from 0, blue, to 1, orange: lighter throughout, so that it survives grey print."""
 
@@ -129,12 +129,22 @@ _METADATA: dict[str, dict[str, Any]] = {
 
 def model_style(model: str) -> SeriesStyle:
     """Style of a record's model; one that is not ours is grey and goes by its name."""
-    return MODELS.get(model) or SeriesStyle(model.replace("_", " "), GREY, "P", "dotted")
+    return MODELS.get(model) or SeriesStyle(model.replace("_", " "), GREY, "h", "dotted")
 
 
 def class_colour(category: str) -> str:
     """Colour of a category, ``#rrggbb``."""
-    return "#{:02X}{:02X}{:02X}".format(*CLASS_COLOURS[category])
+    return hex_of(np.array(CLASS_COLOURS[category], dtype=np.uint8))
+
+
+def rgb_of(colour: str) -> npt.NDArray[np.uint8]:
+    """Red, green and blue (3,) of ``#rrggbb``."""
+    return np.frombuffer(bytes.fromhex(colour[1:]), dtype=np.uint8)
+
+
+def hex_of(rgb: npt.NDArray[np.uint8]) -> str:
+    """Write a colour (3,) as ``#rrggbb``."""
+    return "#" + bytes(rgb.tolist()).hex().upper()
 
 
 def confidence_colours(confidence: npt.NDArray[np.float64]) -> npt.NDArray[np.uint8]:
@@ -154,14 +164,18 @@ def new_figure(*, width_in: float, height_in: float) -> Figure:
     return figure
 
 
-def write_figure(figure: Figure, stem: Path) -> tuple[Path, Path]:
-    """Write ``STEM.pdf`` and ``STEM.png``, under `publication`; the same figure, the same bytes."""
+def write_figure(figure: Figure, stem: Path, *, png_dpi: int = DPI) -> tuple[Path, Path]:
+    """Write ``STEM.pdf`` and ``STEM.png``, under `publication`; the same figure, the same bytes.
+
+    What is no line or letter in the PDF has `DPI` pixels to the inch, the PNG as many as asked.
+    """
     pdf, png = stem.with_name(stem.name + ".pdf"), stem.with_name(stem.name + ".png")
     for path in (pdf, png):
         kind = path.suffix[1:]
+        dpi = png_dpi if kind == "png" else DPI
 
-        def write(file: IO[bytes], kind: str = kind) -> None:
-            figure.savefig(file, format=kind, metadata=_METADATA[kind])
+        def write(file: IO[bytes], kind: str = kind, dpi: int = dpi) -> None:
+            figure.savefig(file, format=kind, dpi=dpi, metadata=_METADATA[kind])
 
         write_atomically(path, write)
     return pdf, png

@@ -1,0 +1,125 @@
+"""The seed's Fig. 1: camera image, semantic map, the map completed, points by confidence."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from PIL import Image
+
+from harness.figures.panels import (
+    Layout,
+    confidence_bar,
+    dot_legend,
+    letter,
+    picture_grid,
+    row_label,
+    scale_bar,
+    show_picture,
+)
+from harness.figures.solid import (
+    BEHIND_RAD,
+    TABLE_COLOUR,
+    best_view,
+    camera_view,
+    completed_points,
+    draw_completed_map,
+    draw_mesh,
+    draw_spheres,
+    draw_voxels,
+    near_target,
+    orbit_view,
+    shown_points,
+    sphere_radius,
+    tint,
+    window_around,
+)
+from harness.figures.source import PREFERRED_MODEL, NothingToDrawError
+from harness.figures.style import TWO_COLUMNS_IN, class_colour, confidence_colours, hex_of
+from harness.pictures import CLASS_COLOURS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from harness.figures.panels import Grid
+    from harness.figures.source import RunSource
+    from harness.recordings.recording import Recording
+
+ASPECT = 1.15
+TITLES = ("camera", "semantic map", "with shape completion", "completed, by confidence")
+
+
+def draw_overview(source: RunSource) -> tuple[Figure, str]:
+    """Draw Fig. 1 of each class's median scene; returns the figure and its caption.
+
+    Raises
+    ------
+    NothingToDrawError
+        No recording has a completed target and answers of the metric model.
+    """
+    scenes = [item for item in source.chosen if _is_whole(item)]
+    if not scenes:
+        raise NothingToDrawError(
+            f"no chosen scene has a completed target with answers of the {PREFERRED_MODEL} model"
+        )
+    layout = Layout(width=TWO_COLUMNS_IN, aspect=ASPECT, left=0.2, top=0.2, bottom=0.26)
+    grid = picture_grid(len(scenes), len(TITLES), layout=layout)
+    for recording, axes in zip(scenes, grid.axes, strict=True):
+        _draw_row(recording, axes, grid=grid)
+        row_label(axes[0], recording.category)
+    for panel, name, title in zip(grid.axes[0], "abcd", TITLES, strict=True):
+        letter(panel, name)
+        panel.set_title(title, pad=3)
+    _draw_legends(grid, scenes)
+    names = " and ".join(item.scene_id for item in scenes)
+    return grid.figure, (
+        f"{names}, each the median scene of its class; b to d from the side that no camera saw, "
+        "white where nothing was measured; "
+        f"confidence of the {PREFERRED_MODEL} model"
+    )
+
+
+def _is_whole(recording: Recording) -> bool:
+    return PREFERRED_MODEL in recording.answers and completed_points(recording) is not None
+
+
+def _draw_row(recording: Recording, axes: Sequence[Axes], *, grid: Grid) -> None:
+    middle = shown_points(recording).mean(axis=0)
+    shot = best_view(recording)
+    window = window_around(shot, shown_points(recording), aspect=ASPECT)
+    seen = camera_view(shot, window=window, width_px=grid.panel_px[0])
+    seen = replace(seen, size=grid.panel_px)
+    image = Image.fromarray(window.of(shot.rgb)).resize(grid.panel_px, Image.Resampling.LANCZOS)
+    show_picture(axes[0], np.asarray(image))
+    scale_bar(axes[0], view=seen, at_world=middle, light=True)
+    near = near_target(recording)
+    behind = orbit_view(near, turn_rad=BEHIND_RAD, size=grid.panel_px, with_map=True)
+    show_picture(axes[1], draw_voxels(near.voxels, view=behind))
+    show_picture(axes[2], draw_completed_map(near, view=behind))
+    part = completed_points(recording)
+    assert part is not None
+    points = recording.test_world[part].astype(np.float64)
+    colours = confidence_colours(recording.answers[PREFERRED_MODEL].confidence[part])
+    mesh = draw_mesh((recording.target,), view=behind)
+    show_picture(
+        axes[3],
+        draw_spheres(points, colours, radius_m=sphere_radius(recording), view=behind, over=mesh),
+    )
+    for panel in axes[1:]:
+        scale_bar(panel, view=behind, at_world=middle)
+
+
+def _draw_legends(grid: Grid, scenes: list[Recording]) -> None:
+    height_in = grid.figure.get_figheight()
+    named = {}
+    for category in dict.fromkeys(item.category for item in scenes):
+        named[f"{category}, seen"] = class_colour(category)
+        named[f"{category}, completed"] = hex_of(tint(CLASS_COLOURS[category]))
+    named["other"] = hex_of(np.array(TABLE_COLOUR, dtype=np.uint8))
+    dot_legend(grid.figure, named, at=(0.36, 0.13 / height_in), marker="s")
+    place = (0.84, 0.14 / height_in, 0.14, 0.06 / height_in)
+    confidence_bar(grid.figure, place=place, label="confidence")

@@ -1,0 +1,296 @@
+"""Curves over what a study varies: an ablation's axes, or the tolerance of a run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+import polars as pl
+
+from harness.errors import InputError
+from harness.figures.charts import COLUMNS, model_legend
+from harness.figures.source import BOX, Cell, NothingToDrawError, order_models
+from harness.figures.style import TWO_COLUMNS_IN, model_style, new_figure
+from harness.statistics import mean_estimate
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from harness.figures.source import RunSource
+    from harness.figures.style import SeriesStyle
+    from harness.statistics import MeanEstimate
+
+AXIS = "grid."
+METRICS = {"precision": "precision", "accuracy": "accuracy", "aurc": "AURC"}
+"""Rows of the figure: a record's field and its name in print."""
+NAMES = {
+    "scenes.views": "views",
+    "scenes.depth_noise.subpixel_px": "sub-pixel depth noise (px)",
+    "pipeline.training.points": "training points",
+    "protocol.reported_tolerance_m": "tolerance (mm)",
+    "tolerance_m": "tolerance (mm)",
+}
+UNITS = {"_m": ("mm", 1000.0), "_px": ("px", 1.0), "_deg": ("degrees", 1.0)}
+"""What a key's ending says: the unit in print, and its number in one of the key's own."""
+LOG_RATIO = 8.0
+"""An axis whose values span a greater ratio is logarithmic."""
+DODGE = 0.35
+"""Share of the least gap between two steps over which models stand beside each other."""
+
+Step = float | str
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """Records over the steps of one axis.
+
+    Attributes
+    ----------
+    key
+        Of the configuration, or a choice's name.
+    frame
+        Scored records, with the step in the column ``step``.
+    held
+        What the other axes are held at, in words; empty without any.
+    seed
+        Of the intervals' resampling.
+    """
+
+    key: str
+    frame: pl.DataFrame
+    held: str = ""
+    seed: int = 0
+
+    @property
+    def steps(self) -> list[Step]:
+        """Its steps: numbers by size, names as they come."""
+        found = self.frame["step"].unique(maintain_order=True).to_list()
+        return sorted(found) if self.frame["step"].dtype.is_numeric() else found
+
+    @property
+    def label(self) -> str:
+        """The axis' name in print, with its unit."""
+        if self.key in NAMES:
+            return NAMES[self.key]
+        name = self.key.rpartition(".")[2]
+        for ending, (unit, _) in UNITS.items():
+            if name.endswith(ending):
+                return f"{name.removesuffix(ending).replace('_', ' ')} ({unit})"
+        return name.replace("_", " ")
+
+    def positions(self) -> npt.NDArray[np.float64]:
+        """Where the steps stand on the axis: numbers in their unit in print, names evenly."""
+        steps = self.steps
+        if any(isinstance(step, str) for step in steps):
+            return np.arange(len(steps), dtype=np.float64)
+        factors = [value for ending, (_, value) in UNITS.items() if self.key.endswith(ending)]
+        return np.array(steps, dtype=np.float64) * (factors[0] if factors else 1.0)
+
+
+def tolerance_sweep(source: RunSource) -> Sweep:
+    """Take a run's records over the tolerances at which they were scored.
+
+    Raises
+    ------
+    NothingToDrawError
+        It was scored at one alone.
+    """
+    rows = [record for record in source.records if record.status == "ok"]
+    columns = ("category", "completion", "model", "object_name", "tolerance_m", *METRICS)
+    frame = pl.DataFrame(
+        [[getattr(record, name) for name in columns] for record in rows],
+        schema={
+            name: pl.Float64 if name in ("tolerance_m", *METRICS) else pl.String for name in columns
+        },
+        orient="row",
+    ).rename({"tolerance_m": "step"})
+    if frame["step"].n_unique() < 2:
+        raise NothingToDrawError("the run was scored at one tolerance alone")
+    return Sweep(key="tolerance_m", frame=frame, seed=source.config.run.seed)
+
+
+def read_sweeps(ablation: Path) -> dict[str, Sweep]:
+    """Read an ablation's axes, each with the others at their first cell's step.
+
+    Parameters
+    ----------
+    ablation
+        The folder that ``harness ablate`` wrote.
+
+    Returns
+    -------
+    sweeps
+        By the axis' last name; axes of one step are left out.
+
+    Raises
+    ------
+    InputError
+        The folder holds no ablation, or its records cannot be used.
+    """
+    path = ablation / "ablation.parquet"
+    remedy = "pass a folder that `harness ablate` wrote"
+    if not path.is_file():
+        raise InputError(f"{ablation} holds no ablation.parquet; {remedy}")
+    try:
+        frame = pl.read_parquet(path)
+    except (OSError, pl.exceptions.PolarsError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(f"{path} cannot be read ({reason}); {remedy}") from None
+    needed = ("category", "completion", "model", "object_name", "status", "cell", *METRICS)
+    if missing := [name for name in needed if name not in frame.columns]:
+        raise InputError(f"{path} has no column '{missing[0]}'; {remedy}")
+    axes = [name for name in frame.columns if name.startswith(AXIS)]
+    if not axes:
+        raise InputError(f"{path} has no column '{AXIS}KEY' for what was varied; {remedy}")
+    frame = frame.sort("cell", maintain_order=True)
+    first = frame.head(1)
+    sweeps = {}
+    for axis in axes:
+        others = [name for name in axes if name != axis]
+        own = frame.filter(pl.col("status") == "ok", *(pl.col(n) == first[n][0] for n in others))
+        own = own.rename({axis: "step"})
+        if own["step"].dtype == pl.Boolean:
+            own = own.with_columns(pl.col("step").replace_strict({True: "on", False: "off"}))
+        elif not own["step"].dtype.is_numeric():
+            own = own.with_columns(pl.col("step").cast(pl.String))
+        if own["step"].n_unique() < 2:
+            continue
+        held = ", ".join(f"{n.rpartition('.')[2]} {first[n][0]}" for n in others)
+        sweeps[axis.rpartition(".")[2]] = Sweep(key=axis.removeprefix(AXIS), frame=own, held=held)
+    return sweeps
+
+
+def draw_sweep(sweep: Sweep, *, classes: Sequence[str] = ()) -> tuple[Figure, str]:
+    """Draw means with intervals over an axis; returns the figure and its caption.
+
+    Parameters
+    ----------
+    sweep
+        With two steps or more.
+    classes
+        The classes' order; others follow.
+    """
+    panels = sweep_panels(sweep, classes=classes)
+    models = order_models(set(sweep.frame["model"]))
+    shown = panels[:COLUMNS]
+    figure = new_figure(width_in=TWO_COLUMNS_IN, height_in=0.55 + 1.15 * len(METRICS))
+    places = _dodged(sweep, models)
+    grid = figure.subplots(len(METRICS), len(shown), squeeze=False, sharex="col", sharey="row")
+    for column, (title, frame) in enumerate(shown):
+        for row, (metric, name) in enumerate(METRICS.items()):
+            axes = grid[row][column]
+            for model in models:
+                own = frame.filter(pl.col("model") == model)
+                means = step_means(own, metric=metric, steps=sweep.steps, seed=sweep.seed)
+                _draw_curve(axes, places[model], means, style=model_style(model))
+            if column == 0:
+                axes.set_ylabel(name)
+        grid[0][column].set_title(title)
+        _finish(grid[-1][column], sweep)
+    model_legend(figure, models)
+    left_out = len(panels) - len(shown)
+    return figure, (
+        "means over scenes with 95 % intervals over objects"
+        + (f"; {sweep.held}" if sweep.held else "")
+        + (f"; {left_out} more panels are not drawn" if left_out else "")
+    )
+
+
+def sweep_panels(sweep: Sweep, *, classes: Sequence[str] = ()) -> list[tuple[str, pl.DataFrame]]:
+    """Split a sweep's records into panels, each with its title.
+
+    A panel is a class and test set; a class alone where the axis itself chooses among test sets
+    or completers, so that its steps stand beside each other.
+    """
+    frame = sweep.frame
+    order = {name: place for place, name in enumerate(classes)}
+    categories = sorted(
+        frame["category"].unique(), key=lambda name: (order.get(name, len(order)), name)
+    )
+    chosen = frame.group_by("category", "step").agg(pl.col("completion").n_unique() == 1)
+    if chosen["completion"].all() and frame["completion"].n_unique() > 1:
+        return [(name, frame.filter(pl.col("category") == name)) for name in categories]
+    panels = []
+    for category in categories:
+        own = frame.filter(pl.col("category") == category)
+        completions = sorted(own["completion"].unique(), key=lambda name: (name == BOX, name))
+        panels += [
+            (Cell(category, name).label, own.filter(pl.col("completion") == name))
+            for name in completions
+        ]
+    return panels
+
+
+def step_means(
+    frame: pl.DataFrame, *, metric: str, steps: Sequence[Step], seed: int
+) -> list[MeanEstimate]:
+    """Mean of a metric over the scenes of each step, with its interval."""
+    found = []
+    for step in steps:
+        own = frame.filter(pl.col("step") == step)
+        values = own[metric].cast(pl.Float64).fill_null(np.nan).to_numpy()
+        objects = own["object_name"].to_numpy().astype(np.str_)
+        found.append(mean_estimate(values, objects=objects, seed=seed))
+    return found
+
+
+def _draw_curve(
+    axes: Axes,
+    places: npt.NDArray[np.float64],
+    means: Sequence[MeanEstimate],
+    *,
+    style: SeriesStyle,
+) -> None:
+    values = np.array([np.nan if item.mean is None else item.mean for item in means])
+    axes.plot(
+        places,
+        values,
+        color=style.colour,
+        marker=style.marker,
+        linestyle=style.line,
+        linewidth=1.0,
+    )
+    for place, item in zip(places, means, strict=True):
+        if item.low is not None and item.high is not None:
+            axes.plot(
+                [place, place],
+                [item.low, item.high],
+                color=style.colour,
+                linewidth=0.8,
+                solid_capstyle="butt",
+            )
+
+
+def _dodged(sweep: Sweep, models: Sequence[str]) -> Mapping[str, npt.NDArray[np.float64]]:
+    """Positions (steps,) of each model, beside each other so that intervals can be told apart."""
+    places = sweep.positions()
+    shares = (np.arange(len(models)) - (len(models) - 1) / 2) / max(len(models), 1) * DODGE
+    if is_logarithmic(places):
+        moved = [places * np.exp(share * np.diff(np.log(places)).min()) for share in shares]
+    else:
+        moved = [places + share * np.diff(places).min() for share in shares]
+    return dict(zip(models, moved, strict=True))
+
+
+def is_logarithmic(places: npt.NDArray[np.float64]) -> bool:
+    """Whether an axis' steps (n,) span so much that they are drawn by their logarithm."""
+    return bool(places.min() > 0 and places.max() / places.min() >= LOG_RATIO)
+
+
+def _finish(axes: Axes, sweep: Sweep) -> None:
+    places = sweep.positions()
+    if is_logarithmic(places):
+        axes.set_xscale("log")
+    names = [
+        step if isinstance(step, str) else f"{place:g}"
+        for step, place in zip(sweep.steps, places, strict=True)
+    ]
+    axes.set_xticks(places, names)
+    axes.minorticks_off()
+    axes.set_xlabel(sweep.label)

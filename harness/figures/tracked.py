@@ -1,0 +1,163 @@
+"""The seed's Fig. 3 and 5: the map with its tracked objects, and beside the camera's image."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+from scipy.spatial import cKDTree
+
+from harness.cubes import View
+from harness.figures.panels import (
+    Layout,
+    dot_legend,
+    letter,
+    picture_grid,
+    scale_bar,
+    show_picture,
+    under_panel,
+)
+from harness.figures.solid import (
+    ELEVATION_RAD,
+    TABLE_COLOUR,
+    camera_view,
+    draw_spheres,
+    draw_voxels,
+    keep_voxels,
+)
+from harness.figures.source import NothingToDrawError
+from harness.figures.style import ONE_COLUMN_IN, SMALL_PT, class_colour, hex_of, rgb_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from harness.figures.panels import Grid
+    from harness.figures.source import RunSource
+    from harness.recordings.recording import MappedCloud, Recording
+
+Floats = npt.NDArray[np.float64]
+
+CAMERA_ASPECT = 4 / 3
+MARKER_RADIUS = 0.035
+"""Of what is drawn, by its greatest extent."""
+ABOVE = 0.03, 0.35
+"""Height of a marker over the highest point of its object: metres, and by its width."""
+TABLE_MARGIN_M = 0.05
+DISTANCE_M = 0.9
+
+
+def draw_tracked(source: RunSource) -> tuple[Figure, str]:
+    """Draw Fig. 3: of each class the scene with most tracked objects, spheres for their ids.
+
+    Raises
+    ------
+    NothingToDrawError
+        No chosen scene has a tracked object.
+    """
+    scenes = [item for item in source.most_tracked if item.tracked]
+    if not scenes:
+        raise NothingToDrawError("no chosen scene has a tracked object")
+    layout = Layout(width=ONE_COLUMN_IN, aspect=1.05, top=0.04, under=0.3, bottom=0.2)
+    grid = picture_grid(1, len(scenes), layout=layout)
+    for recording, axes in zip(scenes, grid.axes[0], strict=True):
+        _draw_tracked(recording, axes, size=grid.panel_px)
+        objects = f"{len(recording.objects)} object" + "s" * (len(recording.objects) > 1)
+        under_panel(axes, f"{recording.scene_id}: {objects}, {len(recording.tracked)} tracked")
+    _name_classes(grid, [cloud.category for item in scenes for cloud in item.tracked])
+    names = " and ".join(item.scene_id for item in scenes)
+    return grid.figure, (
+        f"{names}, of each class the scene with most tracked objects, of several the median one; "
+        "voxels by class, a sphere over each tracked object with its id"
+    )
+
+
+def draw_beside(source: RunSource) -> tuple[Figure, str]:
+    """Draw Fig. 5: of each class's median scene, the last camera image and the map beside it.
+
+    Raises
+    ------
+    NothingToDrawError
+        No chosen scene has a view.
+    """
+    scenes = [item for item in source.chosen if item.views]
+    if not scenes:
+        raise NothingToDrawError("no chosen scene has a view")
+    layout = Layout(width=ONE_COLUMN_IN, aspect=CAMERA_ASPECT, top=0.2, under=0.05, bottom=0.2)
+    grid = picture_grid(len(scenes), 2, layout=layout)
+    for recording, axes in zip(scenes, grid.axes, strict=True):
+        shot = recording.views[-1]
+        view = camera_view(shot, width_px=grid.panel_px[0])
+        image = Image.fromarray(shot.rgb).resize(view.size, Image.Resampling.LANCZOS)
+        show_picture(axes[0], np.asarray(image))
+        show_picture(axes[1], draw_voxels(recording.voxels, view=view))
+        middle = recording.target.vertices_world.mean(axis=0).astype(np.float64)
+        scale_bar(axes[0], view=view, at_world=middle, light=True)
+        scale_bar(axes[1], view=view, at_world=middle)
+    for panel, name, title in zip(grid.axes[0], "ab", ("camera", "semantic map"), strict=True):
+        letter(panel, name)
+        panel.set_title(title, pad=3)
+    _name_classes(grid, [item.category for item in scenes])
+    names = " and ".join(item.scene_id for item in scenes)
+    return grid.figure, (
+        f"{names}, each the median scene of its class; last view, map of all views from there"
+    )
+
+
+def _name_classes(grid: Grid, categories: Sequence[str]) -> None:
+    named = {name: class_colour(name) for name in dict.fromkeys(categories)}
+    named["other"] = hex_of(np.array(TABLE_COLOUR, dtype=np.uint8))
+    at = (0.5, 0.1 / grid.figure.get_figheight())
+    dot_legend(grid.figure, named, at=at, marker="s")
+
+
+def _draw_tracked(recording: Recording, axes: Axes, *, size: tuple[int, int]) -> None:
+    clouds = [cloud.observed_world.astype(np.float64) for cloud in recording.tracked]
+    markers = np.array([marker_place(cloud) for cloud in recording.tracked], dtype=np.float64)
+    plan = cKDTree(np.concatenate(clouds)[:, :2])
+    distance, _ = plan.query(recording.voxels.centres_world[:, :2])
+    voxels = keep_voxels(recording.voxels, np.asarray(distance <= TABLE_MARGIN_M))
+    centres = voxels.centres_world.astype(np.float64)
+    focus = (centres.min(axis=0) + centres.max(axis=0)) / 2
+    view = View(focus + DISTANCE_M * _direction(recording, focus), focus, size=size)
+    # Room for the id over the highest marker.
+    radius_m = MARKER_RADIUS * float(np.ptp(centres, axis=0).max())
+    above = markers + np.array([0.0, 0.0, 3 * radius_m])
+    view = view.fitted_to(np.concatenate([centres, above]))
+    colours = np.stack([rgb_of(class_colour(cloud.category)) for cloud in recording.tracked])
+    picture = draw_voxels(voxels, view=view)
+    picture = draw_spheres(markers, colours, radius_m=radius_m, view=view, over=picture)
+    show_picture(axes, picture)
+    radius_px = radius_m * view.focal * size[1] / view.depths(markers)
+    for cloud, (u, v), radius in zip(
+        recording.tracked, view.project(markers), radius_px, strict=True
+    ):
+        foot = view.project(cloud.centroid_world)
+        axes.plot([u, foot[0]], [v + radius, foot[1]], color="black", linewidth=0.6)
+        axes.text(
+            u,
+            v - 1.3 * radius,
+            f"#{cloud.id} {cloud.category}",
+            ha="center",
+            va="bottom",
+            fontsize=SMALL_PT,
+        )
+    scale_bar(axes, view=view, at_world=focus)
+
+
+def _direction(recording: Recording, focus: Floats) -> Floats:
+    """Point (3,) from a place to the cameras' side, low enough that markers clear their objects."""
+    eyes = np.mean([view.world_from_camera[:3, 3] for view in recording.views], axis=0)
+    across = (eyes - focus)[:2] / np.linalg.norm((eyes - focus)[:2])
+    return np.array([*np.cos(ELEVATION_RAD) * across, np.sin(ELEVATION_RAD)])
+
+
+def marker_place(cloud: MappedCloud) -> Floats:
+    """Where the sphere of a tracked object stands, (3,): over its centroid, clear of its top."""
+    points = cloud.observed_world.astype(np.float64)
+    width = float(np.ptp(points[:, :2], axis=0).max())
+    return np.array([*cloud.centroid_world[:2], points[:, 2].max() + ABOVE[0] + ABOVE[1] * width])
