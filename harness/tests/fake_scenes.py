@@ -118,6 +118,8 @@ def _disturb(order: Path) -> None:
         raise RuntimeError(f"no such luck\nin {order.name}")
     elif words[0] == "sleep":
         time.sleep(60)
+    elif words[0] == "nap":
+        time.sleep(0.5)
 
 
 def begun(orders: Path) -> list[tuple[int, str]]:

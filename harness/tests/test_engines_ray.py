@@ -1,0 +1,186 @@
+"""Jobs on a real Ray cluster of two nodes: same bytes as here, whatever dies."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+
+from harness.bench import BenchOptions, RunInterruptedError, run_bench
+from harness.config import Config
+from harness.engines import cluster as engine_module
+from harness.engines.cluster import RayEngine
+from harness.engines.engine import SceneDone, SceneFailed, UnusableWorkerError, Work, WorkerDied
+from harness.engines.identity import code_identity
+from harness.runs.job import SceneJob
+from harness.runs.progress import SilentProgress
+from harness.runs.records import SceneResult
+from harness.tests import fake_scenes
+from harness.tests.fake_cluster import FakeCluster, Node
+from harness.tests.fake_scenes import begun, is_alive
+from harness.tests.fake_wiring import WIRING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from harness.engines.engine import Event
+
+STABLE = ("records.parquet", "confusion.parquet", "table.md", "table.csv", "table.tex")
+SCENES = 4
+JOBS = [SceneJob(f"mug-{i:04d}", "mug", "mug_0", seed=i) for i in range(5)]
+
+
+@pytest.fixture(scope="module")
+def running() -> Iterator[FakeCluster]:
+    cluster = FakeCluster()
+    yield cluster
+    cluster.close()
+
+
+@pytest.fixture
+def cluster(running: FakeCluster) -> FakeCluster:
+    running.forget_orders()
+    # A developer may edit the checkout while the tests run: nodes see it as it is now.
+    code_identity.cache_clear()
+    return running
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """What the local engine writes."""
+    folder = tmp_path_factory.mktemp("local") / "run"
+    run_bench(BenchOptions(scenes=SCENES, out=folder), wiring=WIRING)
+    return stable_bytes(folder)
+
+
+def stable_bytes(folder: Path) -> dict[str, bytes]:
+    return {name: (folder / name).read_bytes() for name in STABLE}
+
+
+def compute(
+    cluster: FakeCluster, folder: Path, *, jobs: list[SceneJob], function: str = "run_scene"
+) -> list[Event[SceneJob, SceneResult]]:
+    work = Work(f"{fake_scenes.__name__}:{function}", SceneResult, (Config(),))
+    return list(RayEngine(cluster.address).run(work, jobs, logs=folder))
+
+
+def test_deaths_and_exceptions_are_told_as_by_the_local_engine(
+    cluster: FakeCluster, tmp_path: Path
+) -> None:
+    for scene, order in {1: "once die", 2: "die", 3: "raise"}.items():
+        (cluster.orders / f"mug-{scene:04d}").write_text(order, encoding="utf-8")
+    events = compute(cluster, tmp_path, jobs=JOBS)
+    done = [event for event in events if isinstance(event, SceneDone)]
+    assert {event.job for event in done} == {JOBS[0], JOBS[1], JOBS[4]}
+    for event in done:
+        assert event.result == fake_scenes.run_scene(event.job, Config())
+        assert 10 < event.peak_memory_mib < 10_000
+    assert {event.job: event.failure for event in events if isinstance(event, SceneFailed)} == {
+        JOBS[2]: "its worker died 2 times; last: crashed",
+        JOBS[3]: "RuntimeError: no such luck in mug-0003",
+    }
+    died = [event for event in events if isinstance(event, WorkerDied)]
+    assert sorted(str(event) for event in died) == [
+        f"worker crashed at mug-000{scene}; trying it once more (Ray cluster {cluster.address})"
+        for scene in (1, 2)
+    ]
+    tries = [scene for _, scene in begun(cluster.orders)]
+    assert {scene: tries.count(scene) for scene in set(tries)} == {
+        "mug-0000": 1,
+        "mug-0001": 2,
+        "mug-0002": 2,
+        "mug-0003": 1,
+        "mug-0004": 1,
+    }
+    (log,) = tmp_path.iterdir()
+    assert "mug-0003\nTraceback" in log.read_text(encoding="utf-8")
+
+
+def test_a_task_has_one_core(cluster: FakeCluster, tmp_path: Path) -> None:
+    (event,) = compute(cluster, tmp_path, jobs=JOBS[:1], function="thread_limits")
+    assert event == SceneFailed(JOBS[0], "RuntimeError: 1 1")
+
+
+def test_nodes_with_other_code_are_refused(
+    cluster: FakeCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ours = engine_module.code_identity() | {"Python": "3.11.99"}
+    monkeypatch.setattr(engine_module, "code_identity", lambda: ours)
+    with pytest.raises(
+        UnusableWorkerError,
+        match=r"cannot run scenes: node .* has other code \(Python 3.11.\d+ there, 3.11.99 here\); "
+        "give it the same checkout",
+    ):
+        compute(cluster, tmp_path, jobs=JOBS)
+
+
+def test_a_function_that_cannot_be_imported_stops_the_run(
+    cluster: FakeCluster, tmp_path: Path
+) -> None:
+    with pytest.raises(UnusableWorkerError, match=r"cannot run scenes: node .*: AttributeError: "):
+        compute(cluster, tmp_path, jobs=JOBS, function="no_such_function")
+
+
+def test_ctrl_c_cancels_the_tasks_and_keeps_what_is_finished(
+    cluster: FakeCluster, tmp_path: Path, undisturbed: dict[str, bytes]
+) -> None:
+    class Impatient(SilentProgress):
+        def scene_done(self, scene_id: str, seconds: float) -> None:
+            raise KeyboardInterrupt
+
+    (cluster.orders / "mug-0001").write_text("once sleep", encoding="utf-8")
+    folder = tmp_path / "run"
+    options = BenchOptions(scenes=SCENES, out=folder, engine="ray", address=cluster.address)
+    with pytest.raises(RunInterruptedError) as caught:
+        run_bench(options, progress=Impatient(), wiring=WIRING)
+    assert str(caught.value) == (
+        "interrupted: 1 of 8 scenes are kept; continue with "
+        f"`harness bench --out {folder} --engine ray --address {cluster.address}`"
+    )
+    deadline = time.monotonic() + 10
+    while any(is_alive(pid) for pid, _ in begun(cluster.orders)):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    run_bench(BenchOptions(out=folder), wiring=WIRING)
+    assert stable_bytes(folder) == undisturbed
+
+
+class Killer(SilentProgress):
+    """Kills a node in the middle of a scene, once."""
+
+    def __init__(self, node: Node, orders: Path) -> None:
+        self._node, self._orders = node, orders
+        self.killed_at: set[str] = set()
+        self.notes: list[str] = []
+        self._done: set[str] = set()
+
+    def scene_done(self, scene_id: str, seconds: float) -> None:
+        self._done.add(scene_id)
+        here = self._node.processes()
+        at_work = {scene for pid, scene in begun(self._orders) if pid in here} - self._done
+        if at_work and not self.killed_at:
+            self.killed_at = at_work
+            self._node.kill()
+
+    def note(self, text: str) -> None:
+        self.notes.append(text)
+
+
+def test_a_node_that_dies_in_the_middle_of_a_run_changes_no_byte(
+    cluster: FakeCluster, tmp_path: Path, undisturbed: dict[str, bytes]
+) -> None:
+    for category in ("mug", "bowl"):
+        for scene in range(SCENES):
+            (cluster.orders / f"{category}-{scene:04d}").write_text("nap", encoding="utf-8")
+    killer = Killer(cluster.nodes[-1], cluster.orders)
+    folder = tmp_path / "run"
+    options = BenchOptions(scenes=SCENES, out=folder, engine="ray", address=cluster.address)
+    result = run_bench(options, progress=killer, wiring=WIRING)
+    assert result.failures == {}
+    (scene,) = killer.killed_at
+    assert any(f" at {scene}; trying it once more" in note for note in killer.notes)
+    assert [name for _, name in begun(cluster.orders)].count(scene) == 2
+    assert stable_bytes(folder) == undisturbed
+    cluster.add_node()
