@@ -25,8 +25,9 @@ the inverse of the capital of one who bets on every object (Waudby-Smith and Ram
 greatest bet that leaves no debt): under the hypothesis each factor's inverse has a mean of at most
 1, so that p is at most delta with at most this probability (Markov). Losses are a few per cent of
 each object, not all or nothing, and there it needs far fewer objects than the bound of Hoeffding
-and Bentkus: see `choose_threshold`. At best p is (1 - alpha)^n, so that
-``ln(delta) / ln(1 - alpha)`` objects are the fewest.
+and Bentkus: see `choose_threshold`. An object of which only false points are kept makes p 1, so
+that one is enough to end the tests. At best p is (1 - alpha)^n: with fewer than
+``ln(delta) / ln(1 - alpha)`` objects nothing can be promised.
 """
 
 from __future__ import annotations
