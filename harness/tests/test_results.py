@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -20,10 +21,15 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    options = BenchOptions(scenes=3, workers=1, out=tmp_path / "run")
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    options = BenchOptions(scenes=3, workers=1, out=tmp_path_factory.mktemp("runs") / "run")
     return run_bench(options, wiring=WIRING).folder
+
+
+@pytest.fixture
+def folder(tmp_path: Path, finished: Path) -> Path:
+    return shutil.copytree(finished, tmp_path / "run")
 
 
 @pytest.fixture
@@ -31,8 +37,7 @@ def changed(tmp_path: Path, folder: Path) -> Callable[[Callable[[Record], Record
     """The same run with other records: a function of each, None to lose it."""
 
     def changed(change: Callable[[Record], Record | None]) -> Path:
-        options = BenchOptions(scenes=3, workers=1, out=tmp_path / "other")
-        other = run_bench(options, wiring=WIRING).folder
+        other = shutil.copytree(folder, tmp_path / "other")
         records = map(change, read_records(other / "records.parquet"))
         write_records([row for row in records if row is not None], other / "records.parquet")
         return other
