@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from harness.table.differences import Contrast, Difference
     from harness.table.summary import Row, Table
 
-Outcome = Literal["better", "worse", "undetected", "untested"]
+Outcome = Literal["better", "worse", "same", "undetected", "untested"]
 
 HEADLINE = columns_of("precision", "auroc", "aurc", "ece")
 """What the verdict is about: the seed's number, two rankings, and calibration."""
@@ -137,32 +137,34 @@ def test_cells(contrast: Contrast, column: Column) -> tuple[Cell, ...]:
     words = {"good": "better: ", "bad": "worse: "}.get(tone, "")
     return (
         Cell(difference(contrast), value=contrast.mean, tone=tone),
+        Cell(words + " ".join(say(contrast)), tone=tone),
         number_cell(contrast.p_value, probability(contrast.p_value)),
         number_cell(contrast.q_value, probability(contrast.q_value)),
         number_cell(contrast.effect_size, effect(contrast.effect_size)),
         number_cell(contrast.minimum_detectable),
         number_cell(contrast.scenes, str(contrast.scenes)),
         number_cell(contrast.objects, str(contrast.objects)),
-        Cell(words + " ".join(say(contrast)), tone=tone),
     )
 
 
 TEST_HEADINGS = (
     Heading("difference [95 % interval]"),
+    Heading("verdict", numeric=False),
     Heading("p", about="Of changing the signs of the objects' differences."),
     Heading("q", about="p adjusted by Benjamini and Hochberg over this table."),
     Heading("effect", about="Hedges' g of the objects' means."),
     Heading("detectable", about="The least true difference that is found 80 times in 100."),
     Heading("scenes"),
     Heading("objects"),
-    Heading("verdict", numeric=False),
 )
 
 
 def outcome(contrast: Contrast, column: Column) -> Outcome:
-    """Say whether the first is found to be better or worse than the second."""
+    """Say whether the first is found to be better or worse than the second, or equals it."""
     if contrast.p_value is None or contrast.mean is None:
         return "untested"
+    if contrast.mean == 0 and not contrast.minimum_detectable:
+        return "same"
     if not contrast.detected:
         return "undetected"
     return "better" if (contrast.mean > 0) == (column.key in HIGHER_IS_BETTER) else "worse"
@@ -179,11 +181,13 @@ def tally(outcomes: Sequence[Outcome]) -> str:
     counts = [
         (outcomes.count("better"), "better"),
         (outcomes.count("worse"), "worse"),
+        (outcomes.count("same"), "the same"),
         (outcomes.count("undetected"), "not detected to differ"),
         (outcomes.count("untested"), "on too few objects to test"),
     ]
     said = [f"{words} in {count}" for count, words in counts if count]
-    return f"{', '.join(said)} of {len(outcomes)} comparisons"
+    plural = "" if len(outcomes) == 1 else "s"
+    return f"{', '.join(said)} of {len(outcomes)} comparison{plural}"
 
 
 def _judged_pair(table: Table) -> list[tuple[str, str]]:
@@ -228,8 +232,9 @@ def _judgement(found: Difference | None, column: Column) -> tuple[str, Tone]:
     head, tail = say(contrast)
     q_value = "" if contrast.q_value is None else f", q {probability(contrast.q_value)}"
     words = {"better": "better, ", "worse": "worse, "}.get(said, "")
+    defined = "" if contrast.scenes == found.scenes else f" (in {contrast.scenes} scenes)"
     return (
-        f"{pair_label(found)} {difference(contrast)}{q_value}: {words}{head} {tail}",
+        f"{pair_label(found)} {difference(contrast)}{defined}{q_value}: {words}{head} {tail}",
         outcome_tone(said),
     )
 

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from harness.html_report.pictures import ScenePicture
     from harness.html_report.scenes import RankedScene
     from harness.runs.directory import RunDirectory
-    from harness.runs.records import Record
+    from harness.runs.records import Record, Timing
 
 CURVES_ABOUT = (
     "Curves are means over scenes of the risk among the points that are kept, the surest first; "
@@ -122,12 +122,15 @@ def write_report(
         cannot be written.
     """
     begun = time.perf_counter()
+    run = finished_run(folder)
     file = folder / FILE if out is None else out
     if file.is_dir():
         raise InputError(f"--out {file} is a folder; name a file in it, such as {file / FILE}")
+    if not file.absolute().parent.is_dir():
+        raise InputError(f"cannot write {file}: there is no folder {file.parent}; make it first")
     progress("reading records")
-    run = finished_run(folder)
     config, records = run.config(), read_records(run.records_path)
+    timings = read_timings(run.timings_path) if run.timings_path.exists() else []
     if not records:
         raise InputError(f"{run.records_path} holds no record; run the benchmark again")
     comparison = None
@@ -136,7 +139,7 @@ def write_report(
         comparison = compare(folder, against)
     lacking: list[str] = []
     progress("reading recordings")
-    calibration = _calibration(run, lacking)
+    calibration = _calibration(run, records, lacking)
     tolerance_m = config.protocol.reported_tolerance_m
     reported = [record for record in records if record.tolerance_m == tolerance_m]
     model = reference_model(record.model for record in reported)
@@ -149,6 +152,7 @@ def write_report(
         run,
         config=config,
         records=records,
+        timings=timings,
         ranked=ranked,
         model=model,
         calibration=calibration,
@@ -176,15 +180,23 @@ def write_report(
     )
 
 
-def _calibration(run: RunDirectory, lacking: list[str]) -> Calibration | None:
+def _calibration(
+    run: RunDirectory, records: Sequence[Record], lacking: list[str]
+) -> Calibration | None:
     """Summarise a run's recordings; None where it has none, with the reason in `lacking`."""
-    if not run.recorded():
-        lacking.append(
-            "No curves and no pictures: the run kept no recordings; run it again with "
-            'record = "all" in [run] to have them.'
+    if run.recorded():
+        return summarise_run(run)
+    if all(record.status == "failed" for record in records):
+        why = "every scene failed; tracebacks are in the run's logs."
+    elif run.config().run.record == "nothing":
+        why = (
+            'the run was made with record = "nothing" in [run]; run it again with "all" to have '
+            "them."
         )
-        return None
-    return summarise_run(run)
+    else:
+        why = f"there are no recordings in {run.recordings}; run the benchmark again to have them."
+    lacking.append(f"No curves and no pictures: {why}")
+    return None
 
 
 def _pictures(
@@ -222,6 +234,7 @@ def _page(
     *,
     config: Config,
     records: Sequence[Record],
+    timings: Sequence[Timing],
     ranked: Sequence[RankedScene],
     model: str,
     calibration: Calibration | None,
@@ -231,7 +244,6 @@ def _page(
 ) -> Page:
     table = tabulate(records, config=config)
     tolerance_m = table.reported_tolerance_m
-    timings = read_timings(run.timings_path) if run.timings_path.exists() else []
     losses = (failures_grid(records), missed_grid(ranked))
     segmenters = " and ".join(sorted({record.segmenter for record in records}))
     scene_models = len({record.model for record in records})
