@@ -36,5 +36,6 @@ def make_engine(name: EngineName, *, address: str | None, workers: int | None) -
         if address is not None:
             raise InputError(f"--address {address} is a Ray cluster's; pass --engine ray with it")
         return LocalEngine(workers=workers)
-    check_address(address or AUTO)
-    return RayEngine(address or AUTO, workers=workers)
+    address = AUTO if address is None else address
+    check_address(address)
+    return RayEngine(address, workers=workers)

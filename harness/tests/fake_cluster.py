@@ -18,6 +18,10 @@ RAY = Path(sys.executable).parent / "ray"
 QUIET = {
     "RAY_USAGE_STATS_ENABLED": "0",
     "RAY_enable_metrics_collection": "0",
+    # A node that dies is noticed in seconds.
+    "RAY_health_check_initial_delay_ms": "0",
+    "RAY_health_check_period_ms": "1000",
+    "RAY_health_check_failure_threshold": "3",
     # The least processes that a node can do with.
     "RAY_DISABLE_MEMORY_MONITOR": "1",
 }

@@ -9,7 +9,6 @@ import pytest
 
 from harness.bench import BenchOptions, RunInterruptedError, run_bench
 from harness.config import Config
-from harness.engines import cluster as engine_module
 from harness.engines.cluster import RayEngine
 from harness.engines.engine import SceneDone, SceneFailed, UnusableWorkerError, Work, WorkerDied
 from harness.engines.identity import code_identity
@@ -106,8 +105,8 @@ def test_a_task_has_one_core(cluster: FakeCluster, tmp_path: Path) -> None:
 def test_nodes_with_other_code_are_refused(
     cluster: FakeCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    ours = engine_module.code_identity() | {"Python": "3.11.99"}
-    monkeypatch.setattr(engine_module, "code_identity", lambda: ours)
+    ours = code_identity() | {"Python": "3.11.99"}
+    monkeypatch.setattr("harness.engines.cluster.code_identity", lambda: ours)
     with pytest.raises(
         UnusableWorkerError,
         match=r"cannot run scenes: node .* has other code \(Python 3.11.\d+ there, 3.11.99 here\); "
@@ -172,8 +171,8 @@ def test_a_node_that_dies_in_the_middle_of_a_run_changes_no_byte(
     cluster: FakeCluster, tmp_path: Path, undisturbed: dict[str, bytes]
 ) -> None:
     for category in ("mug", "bowl"):
-        for scene in range(SCENES):
-            (cluster.orders / f"{category}-{scene:04d}").write_text("nap", encoding="utf-8")
+        for index in range(SCENES):
+            (cluster.orders / f"{category}-{index:04d}").write_text("nap", encoding="utf-8")
     killer = Killer(cluster.nodes[-1], cluster.orders)
     folder = tmp_path / "run"
     options = BenchOptions(scenes=SCENES, out=folder, engine="ray", address=cluster.address)
