@@ -18,12 +18,14 @@ from harness import (
     cli_calibration,
     cli_completion,
     cli_data,
+    cli_figures,
     cli_merge,
     cli_pictures,
     cli_render,
     cli_report,
     cli_segmentation,
     cli_study,
+    cli_view,
 )
 from harness.bench import RunInterruptedError
 from harness.cli_parts import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK
@@ -41,6 +43,8 @@ MODULES = (
     cli_study,
     cli_render,
     cli_report,
+    cli_figures,
+    cli_view,
     cli_segmentation,
     cli_completion,
     cli_pictures,
@@ -50,7 +54,7 @@ MODULES = (
 CONTENTS = {
     "Measure": ("bench", "ablate", "run", "merge"),
     "Judge": ("compare", "calibration", "threshold"),
-    "Look": ("show", "report", "render"),
+    "Look": ("show", "report", "figures", "view", "render"),
     "Measure and tune single stages": ("segmentation-report", "completion-report", "tune"),
     "Make data": ("assets", "export", "training-pictures"),
 }

@@ -123,6 +123,7 @@ def tune(
         Path | None,
         typer.Option(metavar="FILE", help="TOML, as for bench: where the searches begin."),
     ] = None,
+    as_json: JsonOption = False,
 ) -> int:
     """Choose hyperparameters and recalibrations by the log loss of validation scenes."""
     from harness.tuning.run import TuneOptions, tune
@@ -138,6 +139,9 @@ def tune(
     )
     with TuneProgress(Console(stderr=True)) as progress:
         found = tune(options, progress=progress)
+    if as_json:
+        print_json(found)
+        return EXIT_OK
     console = stdout()
     console.print(_tuned_table(found))
     for scene_id, why in found.lost.items():
