@@ -160,7 +160,9 @@ def write_report(
         comparison=comparison,
         lacking=lacking,
     )
-    unpictured = "No pictures: they are kept of the worst and the median scenes alone."
+    unpictured = (
+        "No pictures: the worst and the median scenes alone have them, where they were recorded."
+    )
     text = render_page(
         page,
         curves=curve_data(calibration) if calibration is not None else None,
