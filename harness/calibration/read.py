@@ -7,6 +7,8 @@ from collections import defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from harness.calibration.series import ScenePoints, scene_points
 from harness.errors import InputError
 from harness.runs.directory import RunDirectory
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from harness.config import Config
+    from harness.recordings.recording import Recording
 
 BOX = "none"
 """The test set that is no completion's."""
@@ -92,6 +95,7 @@ def read_points(
     for scene_id in scene_ids:
         recording = run.recording(scene_id)
         answered = _choose(run, "model", asked=models, have=tuple(recording.answers))
+        _check_numbers(run, recording, answered)
         filled = [
             item.completion
             for item in recording.test_sets
@@ -149,6 +153,24 @@ def _recorded(run: RunDirectory) -> tuple[Config, list[str]]:
             f"{lost[0]}); make them again with `harness bench --out {folder}`"
         )
     return config, scene_ids
+
+
+def _check_numbers(run: RunDirectory, recording: Recording, models: Sequence[str]) -> None:
+    """Refuse a recording whose answers no run can have written."""
+    missed = recording.target_id is None
+    columns = {"distances_m": recording.distances_m}
+    if not missed:
+        columns["data_distance_m"] = recording.data_distance_m
+    for model in models:
+        answers = recording.answers[model]
+        for name in ("probability", "confidence", "score", "variance"):
+            columns[f"{name} of {model}"] = getattr(answers, name)
+    for name, values in columns.items():
+        if not np.isfinite(values).all():
+            raise InputError(
+                f"{run.folder}: the recording of {recording.scene_id} is damaged (its {name} holds "
+                "what is no number); delete it and resume the run with `harness bench --out`"
+            )
 
 
 def _choose(

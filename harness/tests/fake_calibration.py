@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
+    from harness.config import Category
+
 SEGMENTER_SCORE = 0.9
 
 
@@ -128,7 +130,7 @@ def recorded_run(
     folder: Path,
     recordings: Sequence[Recording],
     *,
-    classes: Sequence[str] = ("mug", "bowl"),
+    classes: Sequence[Category] = ("mug", "bowl"),
     finished: bool = True,
 ) -> RunDirectory:
     """Write a run of these scenes."""

@@ -188,6 +188,17 @@ def test_runs_that_cannot_be_read(harness: Harness, run: RunDirectory, tmp_path:
     )
 
 
+def test_an_answer_that_is_no_number(harness: Harness, tmp_path: Path) -> None:
+    of = answers(category="mug", confidence=[0.5, np.nan], predicted=[True, True])
+    item = recording("mug-0000", object_name="m", truth=[True] * 2, models={"metric": of})
+    folder = recorded_run(tmp_path / "run", [item]).folder
+    for command in ("calibration", "threshold"):
+        assert refused(harness, command, folder) == (
+            f"{folder}: the recording of mug-0000 is damaged (its probability of metric holds what "
+            "is no number); delete it and resume the run with `harness bench --out`"
+        )
+
+
 def test_what_a_run_does_not_have(harness: Harness, run: RunDirectory, tmp_path: Path) -> None:
     folder = run.folder
     assert refused(harness, "calibration", folder, "--model", "gp") == (

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from sklearn.calibration import calibration_curve
-from sklearn.metrics import brier_score_loss, log_loss
+from sklearn.calibration import calibration_curve  # type: ignore[import-untyped]
+from sklearn.metrics import brier_score_loss, log_loss  # type: ignore[import-untyped]
 
 from harness.calibration import (
     brier_parts,
