@@ -1,0 +1,265 @@
+"""`harness gate`: run the benchmark as the baseline was, or take a finished run, and judge it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from harness.bench import QUICK_SCENES, BenchOptions, Wiring, run_bench
+from harness.config import differing_values
+from harness.errors import InputError
+from harness.gate.acceptance import check_objects, reported
+from harness.gate.baseline import Baseline, read_baseline
+from harness.gate.calibration import (
+    Calibration,
+    Machine,
+    conclude,
+    measure,
+    read_calibration,
+    this_machine,
+    write_calibration,
+)
+from harness.gate.judge import Quality, judge_quality
+from harness.gate.pairs import pair_runs
+from harness.gate.speed import Speed, SpeedMode, judge_speed
+from harness.results import finished_run
+from harness.runs.records import Record, read_records, read_timings
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from harness.config import Config
+    from harness.runs.directory import RunDirectory
+    from harness.runs.progress import Progress
+
+BASELINE_FOLDER = Path("results/baseline")
+
+
+@dataclass(frozen=True)
+class GateOptions:
+    """What a person chooses.
+
+    Attributes
+    ----------
+    against
+        Folder of the baseline.
+    quick
+        Judge the first `QUICK_SCENES` scenes of each class alone.
+    run
+        A finished run to judge; None runs the benchmark.
+    out
+        Where that run is written; by default a new folder under ``results``.
+    workers
+        Worker processes; None takes the baseline's setting.
+    speed
+        ``auto`` judges times where the baseline is of this machine, ``require`` takes it for bad
+        input where it is not, ``skip`` leaves them out.
+    """
+
+    against: Path = BASELINE_FOLDER
+    quick: bool = False
+    run: Path | None = None
+    out: Path | None = None
+    workers: int | None = None
+    speed: SpeedMode = "auto"
+
+
+@dataclass(frozen=True)
+class GateResult:
+    """What the gate says.
+
+    Attributes
+    ----------
+    passed
+        Whether neither quality nor speed is worse.
+    against, run
+        Folders of the baseline and of the run.
+    revision
+        That made the baseline.
+    quick
+        Whether the first scenes of each class were judged alone.
+    settings
+        What is configured differently: key, the baseline's value, the run's.
+    notes
+        What a person should know.
+    """
+
+    passed: bool
+    against: Path
+    run: Path
+    revision: str
+    quick: bool
+    quality: Quality
+    speed: Speed
+    settings: Sequence[tuple[str, Any, Any]]
+    notes: Sequence[str]
+
+
+def run_gate(
+    options: GateOptions, *, progress: Progress | None = None, wiring: Wiring | None = None
+) -> GateResult:
+    """Judge this revision, or a finished run, against the baseline.
+
+    Raises
+    ------
+    InputError
+        A baseline or run that cannot be used, or the two are of different scenes.
+    RunInterruptedError
+        Ctrl-C.
+    """
+    if options.run is not None and (options.out is not None or options.workers is not None):
+        raise InputError("--run judges a finished run; --out and --workers are for a new one")
+    baseline = read_baseline(options.against)
+    scenes = baseline.config.run.scenes
+    if options.quick:
+        scenes = min(scenes, QUICK_SCENES)
+    records = _judged(baseline.records, baseline.config, scenes=scenes)
+    check_objects(baseline.folder, records, classes=baseline.config.run.classes)
+    folder = options.run or _compute(
+        options, baseline, scenes=scenes, progress=progress, wiring=wiring
+    )
+    run = finished_run(folder)
+    settings = _check_same_scenes(run, baseline, scenes=scenes)
+    now = _judged(read_records(run.records_path), baseline.config, scenes=scenes)
+    paired = pair_runs(records, now, names=f"{baseline.folder} and {run.folder}")
+    quality = judge_quality(paired)
+    speed = _speed(options, run, baseline)
+    return GateResult(
+        passed=quality.passed and not speed.slower,
+        against=baseline.folder,
+        run=run.folder,
+        revision=baseline.history[-1].revision if baseline.history else "unknown",
+        quick=options.quick,
+        quality=quality,
+        speed=speed,
+        settings=settings,
+        notes=_notes(run, baseline),
+    )
+
+
+def _judged(records: Sequence[Record], config: Config, *, scenes: int) -> list[Record]:
+    """Take the reported tolerance and the first scenes of each class."""
+    return [item for item in reported(records, config) if _index(item.scene_id) < scenes]
+
+
+def _index(scene_id: str) -> int:
+    """Return the number of a scene in its class."""
+    found = re.search(r"(\d+)$", scene_id)
+    return int(found[1]) if found else 0
+
+
+def _compute(
+    options: GateOptions,
+    baseline: Baseline,
+    *,
+    scenes: int,
+    progress: Progress | None,
+    wiring: Wiring | None,
+) -> Path:
+    """Run the benchmark as the baseline was, between two calibrations."""
+    workers = options.workers or baseline.config.run.workers
+    total = scenes * len(baseline.config.run.classes)
+    machine = this_machine(workers=workers, scenes=total)
+    timed = options.speed != "skip" and baseline.calibration is not None
+    before = measure(workers=machine.workers) if timed else []
+    result = run_bench(
+        BenchOptions(
+            config=baseline.config_path, scenes=scenes, workers=options.workers, out=options.out
+        ),
+        progress=progress,
+        wiring=wiring,
+    )
+    if timed:
+        after = measure(workers=machine.workers)
+        write_calibration(conclude(before, after, machine=machine), result.folder)
+    return result.folder
+
+
+def _check_same_scenes(
+    run: RunDirectory, baseline: Baseline, *, scenes: int
+) -> list[tuple[str, Any, Any]]:
+    """Return the settings that differ, none of which may change what is asked."""
+    if (shard := run.shard()) is not None:
+        raise InputError(
+            f"{run.folder} is part {shard} of a run; join the parts with `harness merge` first"
+        )
+    config, folder = run.config(), run.folder
+    if config.run.scenes < scenes:
+        raise InputError(
+            f"{folder} has {config.run.scenes} scenes of each class, {baseline.folder} {scenes}; "
+            "judge a run of as many, or pass --quick where both have "
+            f"{QUICK_SCENES}"
+        )
+    settings = [
+        item
+        for item in differing_values(ours=baseline.config, theirs=config)
+        if item[0] != "run.scenes"
+    ]
+    for key, there, here in settings:
+        if not key.startswith("pipeline."):
+            raise InputError(
+                f"{folder} and {baseline.folder} do not ask the same: {key} is {here} in the run "
+                f"and {there} in the baseline; run it with --config {baseline.config_path}"
+            )
+    if odd := sorted(set(baseline.objects) ^ set(run.manifest()["objects"])):
+        raise InputError(
+            f"{folder} and {baseline.folder} are of different objects (first difference: "
+            f"{odd[0]}); run the benchmark again and make that the baseline with "
+            "`harness baseline update --from RUN`"
+        )
+    return settings
+
+
+def _speed(options: GateOptions, run: RunDirectory, baseline: Baseline) -> Speed:
+    """Judge the times, as far as they can be compared."""
+    if options.speed == "skip":
+        return Speed("left out by --speed skip")
+    speed = _compared(run, baseline)
+    if speed.refused is not None and options.speed == "require":
+        raise InputError(f"--speed require: {speed.refused}")
+    return speed
+
+
+def _compared(run: RunDirectory, baseline: Baseline) -> Speed:
+    if baseline.calibration is None:
+        return Speed(
+            f"{baseline.folder} has no calibration; make it with `harness baseline update` on the "
+            "machine that ran it"
+        )
+    config, session = run.config(), run.manifest()["sessions"][-1]
+    total = config.run.scenes * len(config.run.classes)
+    machine = Machine.of_session(session["machine"], workers=config.run.workers, scenes=total)
+    if other := machine.unlike(baseline.calibration.machine):
+        return Speed(
+            f"the baseline was timed on another machine or with other workers ({other}); make it "
+            "on this one with `harness baseline update`, or pass --speed skip"
+        )
+    calibration = read_calibration(run.folder)
+    if calibration is None:
+        if machine.unlike(this_machine(workers=config.run.workers, scenes=total)):
+            return Speed(
+                f"{run.folder} was run on another machine and has no calibration; run it with "
+                "`harness gate --out RUN` there"
+            )
+        times = sorted(measure(workers=machine.workers))
+        calibration = Calibration(machine, times[len(times) // 2])
+    return judge_speed(
+        baseline.timings,
+        read_timings(run.timings_path),
+        before=baseline.calibration,
+        after=calibration,
+    )
+
+
+def _notes(run: RunDirectory, baseline: Baseline) -> list[str]:
+    """Say what else differs and may move the last bits."""
+    here = run.manifest()["sessions"][-1]["machine"]
+    there = finished_run(baseline.folder).manifest()["sessions"][-1]["machine"]
+    if (here["cpu"], here["system"]) == (there["cpu"], there["system"]):
+        return []
+    return [
+        f"the baseline was made on another machine ({there['cpu']}, {there['system']}): last bits "
+        "may differ, so that no row may be the same; quality is judged all the same"
+    ]

@@ -1,0 +1,168 @@
+"""How a verdict reads on a terminal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from harness.gate.margins import LEAST_OBJECTS, LEVEL, SLOWER
+from harness.table.cells import UNDEFINED, number, signed
+from harness.table.summary import MODEL_ORDER
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.console import RenderableType
+
+    from harness.gate.judge import Judgement
+    from harness.gate.pairs import Cell
+    from harness.gate.run import GateResult
+    from harness.gate.speed import Speed
+
+OVERVIEW = "precision"
+"""The metric that is shown of every cell."""
+
+MOST_LOST = 10
+"""Lost scenes that are named."""
+
+_STYLES = {"worse": "bold red", "unsure": "yellow", "unjudged": "yellow"}
+
+
+def render_verdict(result: GateResult, *, everything: bool = False) -> RenderableType:
+    """Lay out the verdict: what failed first, then the precision of every cell, or every row."""
+    quality = result.quality
+    parts: list[RenderableType] = []
+    shown = [row for row in quality.rows if everything or row.metric == OVERVIEW]
+    if quality.lost:
+        parts += [_lost(result), Text()]
+    if quality.worse:
+        parts += [Text("Worse than the baseline", style="bold"), _table(quality.worse), Text()]
+        parts += [Text(line) for line in _worst_scenes(quality.worse)] + [Text()]
+    parts += [_table(shown), Text(_about(result, len(shown))), Text()]
+    parts += [*_speed(result.speed), *(Text(f"Note: {note}") for note in result.notes)]
+    if result.settings:
+        parts.append(Text("Set differently, so that the verdict is on this too:"))
+        parts += [
+            Text(f"  {key}: {there} in the baseline, {here} now")
+            for key, there, here in result.settings
+        ]
+    return Group(*parts)
+
+
+def headline(result: GateResult) -> str:
+    """Say the verdict in a line."""
+    quality = result.quality
+    counts = [
+        (len({item.scene_id for item in quality.lost}), "scenes lost"),
+        (len(quality.worse), f"of {len(quality.rows)} rows worse"),
+        (sum(stage.slower for stage in result.speed.stages), "stages slower"),
+    ]
+    found = ", ".join(f"{count} {what}" for count, what in counts if count)
+    word = "PASS" if result.passed else "FAIL"
+    about = f"{quality.scenes} scenes of {result.run} against {result.against}"
+    return f"{word}: {about} ({result.revision[:10]})" + (f": {found}" if found else "")
+
+
+def _lost(result: GateResult) -> RenderableType:
+    lost = result.quality.lost
+    lines = [f"  {item.scene_id} {item.what}: {item.of}: {item.why}" for item in lost[:MOST_LOST]]
+    if len(lost) > MOST_LOST:
+        lines.append(f"  and {len(lost) - MOST_LOST} more; --json names all")
+    head = Text("In the baseline and not in the run", style="bold red")
+    return Group(head, *(Text(line) for line in lines))
+
+
+def _table(rows: Sequence[Judgement]) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 0, 0, 2), header_style="dim")
+    names = ["cell", "metric", "baseline", "now", "difference", "margin", "detectable", "verdict"]
+    for name in names:
+        left = name in {"cell", "metric", "verdict"}
+        table.add_column(name, justify="left" if left else "right", no_wrap=True)
+    for row in sorted(rows, key=lambda row: _order(row.cell)):
+        table.add_row(
+            cell_name(row.cell),
+            row.heading,
+            number(row.baseline),
+            number(row.now),
+            _difference(row),
+            f"{row.margin:g}",
+            number(row.minimum_detectable),
+            Text(_verdict(row), style=_STYLES.get(row.verdict, "")),
+        )
+    return table
+
+
+def cell_name(cell: Cell) -> str:
+    """Name a cell, such as ``mug box metric literal``."""
+    return f"{cell.category} {cell.test_set} {cell.model.replace('_', ' ')}"
+
+
+def _order(cell: Cell) -> tuple[object, ...]:
+    known = cell.model in MODEL_ORDER
+    place = MODEL_ORDER.index(cell.model) if known else len(MODEL_ORDER)
+    return (cell.category, cell.test_set, place, cell.model)
+
+
+def _difference(row: Judgement) -> str:
+    if row.verdict == "same":
+        return "0"
+    if row.low is None:
+        return signed(row.difference)
+    return f"{signed(row.difference)} [{signed(row.low)}, {signed(row.high)}]"
+
+
+def _verdict(row: Judgement) -> str:
+    match row.verdict:
+        case "worse":
+            return f"worse (q {row.q_value:.2g})"
+        case "unsure":
+            return "within noise"
+        case "unjudged":
+            return f"not judged: {row.objects} objects"
+        case _:
+            return row.verdict
+
+
+def _worst_scenes(rows: Sequence[Judgement]) -> list[str]:
+    """Name the scenes that lose most, of each row that is worse."""
+    return [
+        f"{cell_name(row.cell)}, {row.heading}: loses most in "
+        + ", ".join(f"{item.scene_id} ({item.loss:.3f})" for item in row.worst)
+        for row in rows
+    ]
+
+
+def _about(result: GateResult, shown: int) -> str:
+    rows = result.quality.rows
+    more = len(rows) - shown
+    counts = {name: sum(row.verdict == name for row in rows) for name in _STYLES}
+    text = (
+        f"Differences [95 %] are paired by scene, by objects; {UNDEFINED} is undefined. A row is "
+        f"worse where its loss is surely beyond the margin (Benjamini-Hochberg over {len(rows)} "
+        f"rows, {LEVEL:.0%}); detectable: the least true loss that is found 4 times in 5. Rows of "
+        f"fewer than {LEAST_OBJECTS} objects are not judged ({counts['unjudged']} here); "
+        f"{counts['unsure']} lose more than the margin within noise."
+    )
+    return text + (f" {more} further rows: --all." if more else "")
+
+
+def _speed(speed: Speed) -> list[RenderableType]:
+    if speed.refused is not None:
+        return [Text(f"Speed is not judged: {speed.refused}.")]
+    slower = [stage for stage in speed.stages if stage.slower]
+    head = Text(
+        f"Speed: {len(slower)} of {len(speed.stages)} stages surely take more than {SLOWER:g} "
+        f"times as long (machine's pace {speed.pace:.2f} divided out)",
+        style="bold red" if slower else "",
+    )
+    lines = [
+        Text(
+            f"  {' '.join(filter(None, (stage.stage, stage.model)))}: {stage.baseline_s:.3f} s -> "
+            f"{stage.now_s:.3f} s, {stage.ratio:.2f} times (at least {stage.low:.2f})"
+        )
+        for stage in slower
+    ]
+    return [head, *lines]
