@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from harness.cli_parts import EXIT_OK, JsonOption, number_option, print_json, print_line
+from harness.cli_parts import EXIT_OK, JsonOption, print_json, print_line
 
 commands = typer.Typer()
 
@@ -20,8 +20,7 @@ commands = typer.Typer()
         "One figure of a run:  [cyan]harness figures results/RUN --only fig6[/cyan]\n\n"
         "With an ablation's curves:  "
         "[cyan]harness figures results/RUN --ablation results/views[/cyan]\n\n"
-        "Small ones for a web page:  [cyan]harness figures results/RUN --out docs/figures "
-        "--dpi 150[/cyan]\n\n"
+        "For a web page:  [cyan]harness figures results/RUN --out docs/figures --web[/cyan]\n\n"
         "Names: fig1, fig3, fig5, fig6 (as in the seed paper), risk-coverage, reliability, table3, "
         "tolerance, ablation. A figure whose data the run has not is left out, with the reason.\n\n"
         "Exit codes: 0 done, 2 bad input."
@@ -47,7 +46,9 @@ def figures(
             metavar="DIR", help="Draw the curves of an ablation; can be given several times."
         ),
     ] = None,
-    dpi: Annotated[int, number_option("Pixels to the inch of the PNGs.")] = 300,
+    web: Annotated[
+        bool, typer.Option("--web", help="Small PNGs for a web page, and no PDF.")
+    ] = False,
     as_json: JsonOption = False,
 ) -> int:
     """Draw the paper's figures from what a run recorded, as PDF and PNG."""
@@ -61,7 +62,7 @@ def figures(
                 out=out,
                 only=tuple(only or ()),
                 ablations=tuple(ablation or ()),
-                png_dpi=dpi,
+                web=web,
             ),
             progress=lambda name: status.update(f"drawing {name}"),
         )
@@ -72,5 +73,6 @@ def figures(
         print_line(f"{figure.name}: {figure.caption}")
     for skipped in result.skipped:
         print_line(f"{skipped.name} is left out: {skipped.why}")
-    print_line(f"{len(result.drawn)} figures, each as PDF and PNG, in {result.out}")
+    kinds = "PNG" if web else "PDF and PNG"
+    print_line(f"{len(result.drawn)} figures as {kinds} in {result.out}")
     return EXIT_OK

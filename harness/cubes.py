@@ -33,7 +33,7 @@ class View:
     Attributes
     ----------
     eye_world, focus_world : (3,) float64
-        Where the viewer stands and looks, metres; z is up in the picture.
+        Where the viewer stands and looks, metres.
     size : (width, height)
         Of the picture, pixels.
     focal : float
@@ -41,6 +41,8 @@ class View:
     shift : (x, y)
         Slope, to the right and down, of the ray through the picture's middle: (0, 0) looks at the
         focus, others slide the picture as a shifted lens does.
+    up_world : (x, y, z)
+        What is up in the picture; not the direction of view.
     """
 
     eye_world: Floats
@@ -48,6 +50,7 @@ class View:
     size: tuple[int, int] = (960, 720)
     focal: float = 1.6
     shift: tuple[float, float] = (0.0, 0.0)
+    up_world: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
     def project(self, points_world: Floats) -> Floats:
         """Project points (..., 3) before the viewer to pixels (..., 2)."""
@@ -90,7 +93,7 @@ class View:
         """Rows (3, 3) to the right, down and forward, unit vectors of the world."""
         forward = self.focus_world - self.eye_world
         forward = forward / np.linalg.norm(forward)
-        right = np.cross(forward, (0.0, 0.0, 1.0))
+        right = np.cross(forward, self.up_world)
         right /= np.linalg.norm(right)
         return np.stack([right, np.cross(forward, right), forward])
 

@@ -11,7 +11,7 @@ from harness.figures.reliability import draw_reliability
 from harness.figures.risk import draw_risk_coverage
 from harness.figures.seed_table import draw_seed_table
 from harness.figures.source import NothingToDrawError, RunSource, newest_run
-from harness.figures.style import DPI, publication, write_figure
+from harness.figures.style import publication, write_figure, write_web_figure
 from harness.figures.sweep import draw_sweep, read_sweeps, tolerance_sweep
 from harness.figures.thresholds import draw_thresholds
 from harness.figures.tracked import draw_beside, draw_tracked
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from matplotlib.figure import Figure
-
-LEAST_DPI, MOST_DPI = 50, 1200
 
 Drawing = tuple["Figure", str]
 
@@ -61,15 +59,15 @@ class FigureOptions:
         Names among `NAMES`; all where none is given.
     ablations
         Folders that ``harness ablate`` wrote.
-    png_dpi
-        Pixels to the inch of the PNGs.
+    web
+        Write small PNGs for web pages, and no PDF.
     """
 
     run: Path | None = None
     out: Path | None = None
     only: Sequence[str] = ()
     ablations: Sequence[Path] = ()
-    png_dpi: int = DPI
+    web: bool = False
 
 
 @dataclass(frozen=True)
@@ -133,6 +131,7 @@ def draw_figures(
         raise InputError("--only ablation needs an ablation; pass its folder as --ablation DIR")
     root = source.run.folder if source is not None else options.ablations[0]
     out = options.out or root / "figures"
+    write = write_web_figure if options.web else write_figure
     drawn: list[DrawnFigure] = []
     skipped: list[SkippedFigure] = []
     for name, draw in _drawings(names, source, options.ablations):
@@ -142,7 +141,7 @@ def draw_figures(
             with publication():
                 figure, caption = draw()
                 _make(out)
-                files = write_figure(figure, out / name, png_dpi=options.png_dpi)
+                files = write(figure, out / name)
         except NothingToDrawError as nothing:
             skipped.append(SkippedFigure(name, str(nothing)))
         else:
@@ -159,11 +158,6 @@ def _chosen(options: FigureOptions) -> Sequence[str]:
     for name in options.only:
         if name not in NAMES:
             raise InputError(f"--only {name}: there is no such figure; pass {', '.join(NAMES)}")
-    if not LEAST_DPI <= options.png_dpi <= MOST_DPI:
-        raise InputError(
-            f"--dpi {options.png_dpi} is not between {LEAST_DPI} and {MOST_DPI}; pass one such as "
-            f"{DPI}"
-        )
     return [name for name in NAMES if name in options.only] or list(NAMES)
 
 

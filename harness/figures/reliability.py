@@ -78,15 +78,16 @@ def draw_diagram(diagram: Axes, counts: Axes, found: Reliability, *, model: str)
     """Draw a model's diagram and, below, how many points each bin holds."""
     style = model_style(model)
     shown = found.counts >= LEAST_POINTS
-    diagram.plot(
-        100 * found.mean_predicted[shown],
-        100 * found.observed[shown],
-        color=style.colour,
-        marker=style.marker,
-        linestyle=style.line,
-        linewidth=0.9,
-        clip_on=False,
-    )
+    if shown.any():
+        diagram.plot(
+            100 * found.mean_predicted[shown],
+            100 * found.observed[shown],
+            color=style.colour,
+            marker=style.marker,
+            linestyle=style.line,
+            linewidth=0.9,
+            clip_on=False,
+        )
     counts.stairs(
         found.counts,
         100 * found.edges,

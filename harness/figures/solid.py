@@ -65,14 +65,12 @@ def best_view(recording: Recording) -> RecordedView:
 
 
 def camera_view(view: RecordedView, *, window: Window | None = None, width_px: int) -> View:
-    """Look as a recorded camera did, at a part of its image, in a picture of another size.
-
-    The camera's image must be level, as the wrist keeps it: the viewer's is.
-    """
+    """Look as a recorded camera did, at a part of its image, in a picture of another size."""
     height, width = view.depth_m.shape
     part = window or Window(0, 0, width, height)
     fx, fy, cx, cy = view.intrinsics
-    eye, forward = view.world_from_camera[:3, 3], view.world_from_camera[:3, 2]
+    _, down_world, forward, eye = view.world_from_camera[:3].T
+    x, y, z = (-down_world).tolist()
     across, down = part.right - part.left, part.bottom - part.top
     # The centre of a recorded pixel is whole, that of a drawn one has a half.
     middle = ((part.left + part.right) / 2 - 0.5, (part.top + part.bottom) / 2 - 0.5)
@@ -82,6 +80,7 @@ def camera_view(view: RecordedView, *, window: Window | None = None, width_px: i
         size=(width_px, round(width_px * down / across)),
         focal=float(fy / down),
         shift=(float((middle[0] - cx) / fx), float((middle[1] - cy) / fy)),
+        up_world=(x, y, z),
     )
 
 
@@ -121,19 +120,27 @@ def orbit_view(
     """
     shown = shown_points(recording)
     focus = (shown.min(axis=0) + shown.max(axis=0)) / 2
-    eyes = np.mean([view.world_from_camera[:3, 3] for view in recording.views], axis=0)
-    azimuth = float(np.arctan2(*(eyes - focus)[1::-1])) + turn_rad
-    direction = [
-        np.cos(ELEVATION_RAD) * np.cos(azimuth),
-        np.cos(ELEVATION_RAD) * np.sin(azimuth),
-        np.sin(ELEVATION_RAD),
-    ]
-    view = View(focus + VIEW_DISTANCE_M * np.array(direction), focus, size=size)
+    towards = direction_to_cameras(recording, focus, turn_rad=turn_rad)
+    view = View(focus + VIEW_DISTANCE_M * towards, focus, size=size)
     if with_map:
         around = recording.voxels.centres_world.astype(np.float64)
         shown = np.concatenate([shown, around])
     view = view.fitted_to(shown)
     return replace(view, focal=view.focal * ZOOM)
+
+
+def direction_to_cameras(
+    recording: Recording, focus_world: Floats, *, turn_rad: float = 0.0
+) -> Floats:
+    """Point from a place (3,) to the cameras, raised by `ELEVATION_RAD`: a unit vector (3,).
+
+    The side is that where they were on average, turned about the vertical.
+    """
+    eyes = np.mean([view.world_from_camera[:3, 3] for view in recording.views], axis=0)
+    x, y, _ = eyes - focus_world
+    azimuth = np.arctan2(y, x) + turn_rad
+    across = np.cos(ELEVATION_RAD)
+    return np.array([across * np.cos(azimuth), across * np.sin(azimuth), np.sin(ELEVATION_RAD)])
 
 
 def near_target(recording: Recording) -> Recording:

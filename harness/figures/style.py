@@ -6,9 +6,11 @@ same again, for print without colour.
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType
-from typing import IO, TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +18,7 @@ from matplotlib import style
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+from PIL import Image
 
 from harness.pictures import CLASS_COLOURS
 from harness.runs.atomic import write_atomically
@@ -85,6 +88,8 @@ CONFIDENCE_COLOURS = LinearSegmentedColormap.from_list(
 ONE_COLUMN_IN = 3.5
 TWO_COLUMNS_IN = 7.16
 DPI = 300
+WEB_DPI = 150
+WEB_BYTES = 350_000
 TEXT_PT = 7.5
 SMALL_PT = 7.0
 """The smallest text."""
@@ -164,18 +169,25 @@ def new_figure(*, width_in: float, height_in: float) -> Figure:
     return figure
 
 
-def write_figure(figure: Figure, stem: Path, *, png_dpi: int = DPI) -> tuple[Path, Path]:
-    """Write ``STEM.pdf`` and ``STEM.png``, under `publication`; the same figure, the same bytes.
-
-    What is no line or letter in the PDF has `DPI` pixels to the inch, the PNG as many as asked.
-    """
+def write_figure(figure: Figure, stem: Path) -> tuple[Path, ...]:
+    """Write ``STEM.pdf`` and ``STEM.png``, under `publication`; the same figure, the same bytes."""
     pdf, png = stem.with_name(stem.name + ".pdf"), stem.with_name(stem.name + ".png")
-    for path in (pdf, png):
-        kind = path.suffix[1:]
-        dpi = png_dpi if kind == "png" else DPI
-
-        def write(file: IO[bytes], kind: str = kind, dpi: int = dpi) -> None:
-            figure.savefig(file, format=kind, dpi=dpi, metadata=_METADATA[kind])
-
-        write_atomically(path, write)
+    write_atomically(pdf, partial(figure.savefig, format="pdf", metadata=_METADATA["pdf"]))
+    write_atomically(png, partial(figure.savefig, format="png", metadata=_METADATA["png"]))
     return pdf, png
+
+
+def write_web_figure(figure: Figure, stem: Path) -> tuple[Path, ...]:
+    """Write ``STEM.png`` for a web page, of `WEB_DPI`, in 256 colours if it is large else."""
+    png = stem.with_name(stem.name + ".png")
+    drawn, small = io.BytesIO(), io.BytesIO()
+    figure.savefig(drawn, format="png", dpi=WEB_DPI)
+    with Image.open(drawn) as image:
+        whole = image.convert("RGB")
+    whole.save(small, format="PNG", optimize=True)
+    if small.tell() > WEB_BYTES:
+        small = io.BytesIO()
+        reduced = whole.quantize(256, dither=Image.Dither.NONE)
+        reduced.save(small, format="PNG", optimize=True)
+    write_atomically(png, lambda file: file.write(small.getvalue()))
+    return (png,)

@@ -20,9 +20,9 @@ from harness.figures.panels import (
     under_panel,
 )
 from harness.figures.solid import (
-    ELEVATION_RAD,
     TABLE_COLOUR,
     camera_view,
+    direction_to_cameras,
     draw_spheres,
     draw_voxels,
     keep_voxels,
@@ -123,7 +123,7 @@ def _draw_tracked(recording: Recording, axes: Axes, *, size: tuple[int, int]) ->
     voxels = keep_voxels(recording.voxels, np.asarray(distance <= TABLE_MARGIN_M))
     centres = voxels.centres_world.astype(np.float64)
     focus = (centres.min(axis=0) + centres.max(axis=0)) / 2
-    view = View(focus + DISTANCE_M * _direction(recording, focus), focus, size=size)
+    view = View(focus + DISTANCE_M * direction_to_cameras(recording, focus), focus, size=size)
     # Room for the id over the highest marker.
     radius_m = MARKER_RADIUS * float(np.ptp(centres, axis=0).max())
     above = markers + np.array([0.0, 0.0, 3 * radius_m])
@@ -147,13 +147,6 @@ def _draw_tracked(recording: Recording, axes: Axes, *, size: tuple[int, int]) ->
             fontsize=SMALL_PT,
         )
     scale_bar(axes, view=view, at_world=focus)
-
-
-def _direction(recording: Recording, focus: Floats) -> Floats:
-    """Point (3,) from a place to the cameras' side, low enough that markers clear their objects."""
-    eyes = np.mean([view.world_from_camera[:3, 3] for view in recording.views], axis=0)
-    across = (eyes - focus)[:2] / np.linalg.norm((eyes - focus)[:2])
-    return np.array([*np.cos(ELEVATION_RAD) * across, np.sin(ELEVATION_RAD)])
 
 
 def marker_place(cloud: MappedCloud) -> Floats:
