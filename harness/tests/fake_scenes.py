@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import signal
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -79,6 +79,12 @@ def run_scene(job: SceneJob, config: Config) -> SceneResult:
     ]
     timing = Timing(scene_id=job.scene_id, stage="render", model=None, seconds=0.5)
     return SceneResult(records, [timing], [row for item in records for row in fake_confusion(item)])
+
+
+def recorded_scene(job: SceneJob, config: Config) -> SceneResult:
+    """The same, with bytes that stand for a recording."""
+    recording = np.random.default_rng(job.seed).bytes(5000)
+    return replace(run_scene(job, config), recording=recording)
 
 
 def fake_confusion(record: Record) -> list[Confusion]:
