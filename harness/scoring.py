@@ -54,7 +54,7 @@ class Answers:
     def score(self) -> Floats:
         """The seed's score (n,): its min-max form, by the extremes of all test sets together.
 
-        It is affine in the standard deviation, so that these extremes change no order.
+        It is affine in the variance, so that these extremes change no order.
         """
         return np.ascontiguousarray(self.predictions.score[self.part])
 
