@@ -23,7 +23,7 @@ from harness.gate.calibration import (
 )
 from harness.gate.judge import Quality, judge_quality
 from harness.gate.pairs import pair_runs
-from harness.gate.speed import Speed, SpeedMode, judge_speed
+from harness.gate.speed import Speed, SpeedMode, judge_speed, other_machine
 from harness.results import finished_run
 from harness.runs.records import Record, read_records, read_timings
 
@@ -231,11 +231,8 @@ def _compared(run: RunDirectory, baseline: Baseline) -> Speed:
     config, session = run.config(), run.manifest()["sessions"][-1]
     total = config.run.scenes * len(config.run.classes)
     machine = Machine.of_session(session["machine"], workers=config.run.workers, scenes=total)
-    if other := machine.unlike(baseline.calibration.machine):
-        return Speed(
-            f"the baseline was timed on another machine or with other workers ({other}); make it "
-            "on this one with `harness baseline update`, or pass --speed skip"
-        )
+    if refused := other_machine(machine, baseline.calibration.machine):
+        return Speed(refused)
     calibration = read_calibration(run.folder)
     if calibration is None:
         if machine.unlike(this_machine(workers=config.run.workers, scenes=total)):

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
-    from harness.gate.calibration import Calibration
+    from harness.gate.calibration import Calibration, Machine
     from harness.runs.records import Timing
 
 SpeedMode = Literal["auto", "require", "skip"]
@@ -96,11 +96,8 @@ def judge_speed(
                 f"{found.drift:.2f} times as long after as before; run again when it has nothing "
                 "else to do"
             )
-    if other := after.machine.unlike(before.machine):
-        return Speed(
-            f"the baseline was timed on another machine or with other workers ({other}); make it "
-            "on this one with `harness baseline update`, or pass --speed skip"
-        )
+    if refused := other_machine(after.machine, before.machine):
+        return Speed(refused)
     pace = after.seconds / before.seconds
     theirs, ours = _by_stage(baseline), _by_stage(now)
     stages = []
@@ -126,6 +123,16 @@ def judge_speed(
             )
         )
     return Speed(None, pace, stages)
+
+
+def other_machine(here: Machine, there: Machine) -> str | None:
+    """Say why times of a run and of the baseline cannot be compared; None where they can."""
+    if (other := here.unlike(there)) is None:
+        return None
+    return (
+        f"the baseline was timed on another machine or with other workers ({other}); make it on "
+        "this one with `harness baseline update`, or pass --speed skip"
+    )
 
 
 def median_bound(values: npt.NDArray[np.float64]) -> float | None:
