@@ -41,7 +41,7 @@ COLUMNS = tuple(
     if column.key in SHOWN
 )
 
-LEGEND_WIDTH, LEGEND_HEIGHT = 480, 300
+LEGEND_WIDTH, LEGEND_HEIGHT = 480, 270
 _MARGIN, _BAR, _SWATCH = 16, 24, 18
 _PAPER, _INK = (245, 245, 245), (20, 20, 20)
 _FONT = ImageFont.load_default(15)
@@ -127,8 +127,8 @@ def draw_legend(recording: Recording) -> npt.NDArray[np.uint8]:
     classes = {name: colour for name, colour in CLASS_COLOURS.items() if name in seen}
     _draw_swatches(pen, {**classes, "no object": CLASS_COLOURS["free"]}, top=100, columns=4)
     judged = "judged: put on the target (positive) and whether it is there"
-    pen.text((_MARGIN, 190), judged, _INK, _FONT)
-    _draw_swatches(pen, OUTCOMES, top=214, columns=2)
+    pen.text((_MARGIN, 170), judged, _INK, _FONT)
+    _draw_swatches(pen, OUTCOMES, top=196, columns=2)
     return np.asarray(picture)
 
 

@@ -42,8 +42,8 @@ MAP_EYE = (0.5, -0.95, 0.6)
 TOWARDS_TARGET = 0.7
 """Where it looks, from the arm's base at 0 to the target at 1."""
 LOOK_UP_M = 0.12
-POINTS_EYE_M = 0.22
-"""From the target towards where the last view was taken."""
+POINTS_EYE = 1.4
+"""From the target towards where the last view was taken, in diagonals of its box."""
 
 
 def lay_out(recording: Recording) -> rrb.Blueprint:
@@ -60,7 +60,7 @@ def lay_out(recording: Recording) -> rrb.Blueprint:
                     grid_columns=2,
                 ),
                 rrb.TextDocumentView(origin=ABOUT, name="Scene"),
-                row_shares=[6, 4],
+                row_shares=[11, 9],
             ),
             column_shares=[5, 5],
         ),
@@ -102,6 +102,7 @@ def _points(recording: Recording) -> rrb.Spatial3DView:
     low, high = _target_box(recording)
     middle = (low + high) / 2
     towards = recording.views[-1].world_from_camera[:3, 3] - middle
+    distance_m = POINTS_EYE * np.linalg.norm(high - low)
     sets = [item.completion for item in recording.test_sets if item.part.stop > item.part.start]
     return rrb.Spatial3DView(
         origin=WORLD,
@@ -117,7 +118,7 @@ def _points(recording: Recording) -> rrb.Spatial3DView:
         background=BACKGROUND,
         line_grid=False,
         eye_controls=rrb.EyeControls3D(
-            position=middle + POINTS_EYE_M * towards / np.linalg.norm(towards),
+            position=middle + distance_m * towards / np.linalg.norm(towards),
             look_target=middle,
             eye_up=UP,
         ),

@@ -11,7 +11,7 @@
       map/by_class/view_N     voxels that view N was the first to occupy, in their class's colour
       map/by_colour/view_N    the same in the colour that was seen
       map/by_confidence       voxels of objects by their confidence
-      tracker                 tracked objects after each view
+      tracker, tracker/names  tracked objects after each view as spheres, and their names above
       observed/ID             points of a tracked object's cloud
       completed/ID            points of its completed shape
       confidence/SET          test points by the model's confidence
@@ -41,6 +41,7 @@ BY_CLASS = f"{MAP}/by_class"
 BY_COLOUR = f"{MAP}/by_colour"
 BY_CONFIDENCE = f"{MAP}/by_confidence"
 TRACKER = f"{WORLD}/tracker"
+TRACKER_NAMES = f"{TRACKER}/names"
 OBSERVED = f"{WORLD}/observed"
 COMPLETED = f"{WORLD}/completed"
 CONFIDENCE = f"{WORLD}/confidence"

@@ -18,6 +18,7 @@ from harness.view.names import (
     OBSERVED,
     TIMELINE,
     TRACKER,
+    TRACKER_NAMES,
     TRUE,
 )
 from harness.view.points import confidence_colours
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
     from harness.recordings.recording import MappedCloud, Recording, TrackedState
 
 TRACKER_RADIUS_M = 0.008
+NAMES_ABOVE_M = 0.14
+NAMES_RADIUS_M = 0.001
 OBSERVED_RADIUS_M = 0.0008
 COMPLETED_RADIUS_M = 0.0012
 TRUE_COLOUR = (140, 140, 140, 110)
@@ -108,13 +111,17 @@ def _log_tracked(
     *,
     target_id: int | None,
 ) -> None:
-    centroids: npt.NDArray[np.float64] = np.array([item.centroid_world for item in tracked])
+    found: npt.NDArray[np.float64] = np.array([item.centroid_world for item in tracked])
+    centroids = found.reshape(-1, 3)
+    colours = [CLASS_COLOURS[item.category] for item in tracked]
+    stream.log(TRACKER, rr.Points3D(centroids, radii=TRACKER_RADIUS_M, colors=colours))
+    # Above, where a label does not hide its object.
     stream.log(
-        TRACKER,
+        TRACKER_NAMES,
         rr.Points3D(
-            centroids.reshape(-1, 3),
-            radii=TRACKER_RADIUS_M,
-            colors=[CLASS_COLOURS[item.category] for item in tracked],
+            centroids + np.array([0.0, 0.0, NAMES_ABOVE_M]),
+            radii=NAMES_RADIUS_M,
+            colors=colours,
             labels=[
                 f"#{item.id} {item.category} {item.score:.2f}"
                 + (", the target" if item.id == target_id else "")
