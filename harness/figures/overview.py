@@ -19,7 +19,6 @@ from harness.figures.panels import (
     show_picture,
 )
 from harness.figures.solid import (
-    BEHIND_RAD,
     TABLE_COLOUR,
     best_view,
     camera_view,
@@ -29,10 +28,10 @@ from harness.figures.solid import (
     draw_spheres,
     draw_voxels,
     near_target,
-    orbit_view,
     shown_points,
     sphere_radius,
     tint,
+    view_from_behind,
     window_around,
 )
 from harness.figures.source import PREFERRED_MODEL, NothingToDrawError
@@ -97,7 +96,7 @@ def _draw_row(recording: Recording, axes: Sequence[Axes], *, grid: Grid) -> None
     show_picture(axes[0], np.asarray(image))
     scale_bar(axes[0], view=seen, at_world=middle, light=True)
     near = near_target(recording)
-    behind = orbit_view(near, turn_rad=BEHIND_RAD, size=grid.panel_px, with_map=True)
+    behind = view_from_behind(near, size=grid.panel_px, with_map=True)
     show_picture(axes[1], draw_voxels(near.voxels, view=behind))
     show_picture(axes[2], draw_completed_map(near, view=behind))
     part = completed_points(recording)

@@ -9,6 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
 
 from harness.figures.style import CONFIDENCE_COLOURS, DPI, SMALL_PT
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from harness.cubes import Picture, View
 
 BAR_LENGTHS_CM = (1, 2, 5, 10, 20, 50)
-LONGEST_BAR = 0.3
+LONGEST_BAR = 0.25
 """Of a panel's width."""
 
 
@@ -145,9 +146,15 @@ def scale_bar(
     fitting = [cm for cm in BAR_LENGTHS_CM if cm * per_cm <= LONGEST_BAR * width]
     length_cm = fitting[-1] if fitting else BAR_LENGTHS_CM[0]
     x, y = 0.04 * width, 0.955 * height
-    colour = "white" if light else "black"
+    colour, around = ("white", "none") if light else ("black", "white")
+    halo = [withStroke(linewidth=2.4, foreground=around)]
     axes.plot(
-        [x, x + length_cm * per_cm], [y, y], color=colour, linewidth=1.4, solid_capstyle="butt"
+        [x, x + length_cm * per_cm],
+        [y, y],
+        color=colour,
+        linewidth=1.4,
+        solid_capstyle="butt",
+        path_effects=halo,
     )
     axes.text(
         x + length_cm * per_cm / 2,
@@ -157,6 +164,7 @@ def scale_bar(
         ha="center",
         va="bottom",
         fontsize=SMALL_PT,
+        path_effects=halo,
     )
     axes.set_xlim(-0.5, width - 0.5)
     axes.set_ylim(height - 0.5, -0.5)

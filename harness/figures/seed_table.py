@@ -52,6 +52,8 @@ def draw_seed_table(source: RunSource) -> tuple[Figure, str]:
         for place, line in enumerate(lines):
             if line.model:
                 _draw_line(axes, source, line, by_key[key], place=place)
+            elif place:
+                axes.axhline(place - 0.5, color="0.8", linewidth=0.5)
         axes.set_title(by_key[key].heading)
         axes.set_xlabel("share")
         axes.set_xlim(-0.04, 1.04)

@@ -29,13 +29,13 @@ TABLE_COLOUR = (205, 205, 205)
 RIM = 0.55
 """Of a sphere's colour, what its outline keeps: neighbours of one colour stay apart."""
 ELEVATION_RAD = np.deg2rad(32.0)
-BEHIND_RAD = np.deg2rad(145.0)
-"""Turned from the cameras, towards the side that they did not see."""
+BEHIND_RAD = np.deg2rad((180.0, 160.0, 200.0, 140.0, 220.0, 120.0, 240.0))
+"""Turns from the cameras towards the side that they did not see."""
 TABLE_RADIUS = 1.25
 """Of the round piece of the table, by the target's."""
 SPHERE_RADIUS = 0.018
 """Of a point, by the target's greatest extent."""
-ZOOM = 1.15
+ZOOM = 1.1
 """Beyond the fit of `View.fitted_to`, which leaves room for labels."""
 VIEW_DISTANCE_M = 0.6
 TINT = 0.55
@@ -111,17 +111,22 @@ def window_around(
     return Window(left, top, left + round(height * aspect), top + round(height))
 
 
-def orbit_view(
-    recording: Recording, *, turn_rad: float, size: tuple[int, int], with_map: bool = False
+def view_from_behind(
+    recording: Recording, *, size: tuple[int, int], with_map: bool = False
 ) -> View:
-    """Stand off the target, turned about the vertical from where its cameras were.
+    """Stand off the target on the side that no camera saw, where it looks widest.
 
-    The true mesh and the completed points fill the view, with the whole map where that is asked.
+    So a mug shows its handle. The true mesh and the completed points fill the view, with the whole
+    map where that is asked.
     """
     shown = shown_points(recording)
     focus = (shown.min(axis=0) + shown.max(axis=0)) / 2
-    towards = direction_to_cameras(recording, focus, turn_rad=turn_rad)
-    view = View(focus + VIEW_DISTANCE_M * towards, focus, size=size)
+    towards = [direction_to_cameras(recording, focus, turn_rad=float(turn)) for turn in BEHIND_RAD]
+    flat = recording.target.vertices_world[:, :2].astype(np.float64)
+    widths = [float(np.ptp(flat @ np.array([-y, x]))) for x, y, _ in towards]
+    # The first of those that rounding alone sets apart.
+    widest = int(np.argmax(np.array(widths) > max(widths) - 1e-6))
+    view = View(focus + VIEW_DISTANCE_M * towards[widest], focus, size=size)
     if with_map:
         around = recording.voxels.centres_world.astype(np.float64)
         shown = np.concatenate([shown, around])

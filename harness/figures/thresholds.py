@@ -18,13 +18,12 @@ from harness.figures.panels import (
     under_panel,
 )
 from harness.figures.solid import (
-    BEHIND_RAD,
     completed_points,
     draw_mesh,
     draw_spheres,
-    orbit_view,
     shown_points,
     sphere_radius,
+    view_from_behind,
 )
 from harness.figures.source import NothingToDrawError
 from harness.figures.style import (
@@ -132,7 +131,7 @@ def _draw_row(
     size: tuple[int, int],
     tolerance_m: float,
 ) -> None:
-    view = orbit_view(recording, turn_rad=BEHIND_RAD, size=size)
+    view = view_from_behind(recording, size=size)
     mesh = draw_mesh((recording.target,), view=view)
     part = completed_points(recording)
     points = recording.test_world[part].astype(np.float64)
