@@ -61,6 +61,8 @@ RECORDS = "records.parquet"
 CONFUSION = "confusion.parquet"
 TIMINGS = "timings.parquet"
 
+_BEGUN = ("scenes", "logs")
+"""Folders that a run begins with."""
 _MANIFEST_TYPES = {"schema_version": int, "config": dict, "objects": list, "sessions": list}
 
 
@@ -246,7 +248,7 @@ def open_run(
     Parameters
     ----------
     folder
-        Absent, empty, or holding a run.
+        Absent, empty, or holding a run, or what is left of one that was killed at its beginning.
     config
         The run's configuration.
     objects
@@ -266,7 +268,7 @@ def open_run(
             _check_same(run, config=config, objects=sorted(objects), shard=shard)
             return run
         existed = folder.exists()
-        if existed and (not folder.is_dir() or any(folder.iterdir())):
+        if existed and not (folder.is_dir() and _is_hardly_begun(folder)):
             raise InputError(
                 f"{folder} exists and holds no run; pass another --out or empty it first"
             )
@@ -284,10 +286,23 @@ def open_run(
     return RunDirectory(folder)
 
 
+def _is_hardly_begun(folder: Path) -> bool:
+    """Whether a folder is empty, or holds what a run leaves that is killed before its manifest.
+
+    A configuration counts beside the empty folders alone: without them it is a person's own.
+    """
+    names = {path.name for path in folder.iterdir()}
+    made = names & set(_BEGUN)
+    if any(not (folder / name).is_dir() or any((folder / name).iterdir()) for name in made):
+        return False
+    files = {CONFIG, CONFIG + PARTIAL_SUFFIX, MANIFEST + PARTIAL_SUFFIX}
+    return names == made or (len(made) == len(_BEGUN) and names - made <= files)
+
+
 def _begin(folder: Path, *, config: Config, objects: list[str], shard: Shard | None) -> None:
     """Write an empty run; the manifest comes last, for it marks the folder as a run."""
-    for name in ("scenes", "logs"):
-        (folder / name).mkdir(parents=True)
+    for name in _BEGUN:
+        (folder / name).mkdir(parents=True, exist_ok=True)
     write_text(folder / CONFIG, config.to_toml())
     _write_manifest(
         folder,
@@ -349,6 +364,6 @@ def _remove_begun(folder: Path, *, existed: bool) -> None:
     if not existed:
         shutil.rmtree(folder, ignore_errors=True)
         return
-    for name in ("scenes", "logs"):
+    for name in _BEGUN:
         shutil.rmtree(folder / name, ignore_errors=True)
     remove_quietly(folder / CONFIG)

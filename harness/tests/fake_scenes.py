@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from harness.config import Config
 
 SCENE_FUNCTION = f"{__name__}:run_scene"
+RECORDED_FUNCTION = f"{__name__}:recorded_scene"
 VARIANTS_FUNCTION = f"{__name__}:variants"
 
 

@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from harness.bench import Wiring
-from harness.tests.fake_scenes import MODELS, SCENE_FUNCTION, VARIANTS_FUNCTION
+from harness.tests.fake_scenes import (
+    MODELS,
+    RECORDED_FUNCTION,
+    SCENE_FUNCTION,
+    VARIANTS_FUNCTION,
+)
 
 WIRING = Wiring(
     scene_function=SCENE_FUNCTION,
@@ -11,3 +18,8 @@ WIRING = Wiring(
     load_objects=lambda _: MODELS,
     check_pipeline=lambda text: text,
 )
+
+
+def recorded_wiring() -> Wiring:
+    """Wire scenes that have recordings too."""
+    return replace(WIRING, scene_function=RECORDED_FUNCTION)

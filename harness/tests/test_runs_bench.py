@@ -397,6 +397,45 @@ def test_folders_that_cannot_become_a_run(tmp_path: Path, orders: Path) -> None:
     assert not (orders / "begun").exists()
 
 
+@pytest.mark.parametrize(
+    "left",
+    [
+        [],
+        ["scenes/"],
+        ["scenes/", "logs/", "config.toml.partial"],
+        ["scenes/", "logs/", "config.toml", "manifest.json.partial"],
+    ],
+)
+def test_what_a_run_leaves_that_is_killed_at_its_beginning_is_begun_again(
+    tmp_path: Path, undisturbed: dict[str, bytes], left: list[str]
+) -> None:
+    leave(tmp_path / "run", left)
+    assert stable_bytes(bench(tmp_path / "run").folder) == undisturbed
+    assert not list(tmp_path.rglob("*.partial"))
+
+
+@pytest.mark.parametrize(
+    "left", [["config.toml"], ["scenes/", "config.toml"], ["scenes/mine", "logs/"], ["logs"]]
+)
+def test_what_a_person_left_is_not_taken_for_a_runs(tmp_path: Path, left: list[str]) -> None:
+    leave(tmp_path / "run", left)
+    with pytest.raises(InputError, match="run exists and holds no run; pass another --out"):
+        bench(tmp_path / "run")
+    assert all((tmp_path / "run" / name).exists() for name in left)
+
+
+def leave(folder: Path, names: list[str]) -> None:
+    """Make folders, whose names end in a slash, and files."""
+    folder.mkdir()
+    for name in names:
+        path = folder / name
+        if name.endswith("/"):
+            path.mkdir()
+        else:
+            path.parent.mkdir(exist_ok=True)
+            path.write_text("x", encoding="utf-8")
+
+
 @pytest.mark.skipif(os.geteuid() == 0, reason="root writes where it likes")
 def test_a_folder_without_permission(tmp_path: Path) -> None:
     tmp_path.chmod(0o500)

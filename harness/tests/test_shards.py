@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,18 +20,17 @@ from harness.runs.job import plan_jobs, scene_ids
 from harness.runs.records import SCHEMA_VERSION
 from harness.runs.shards import Shard
 from harness.tests import fake_scenes
-from harness.tests.fake_wiring import WIRING
+from harness.tests.fake_wiring import recorded_wiring
 
 SCENES, COUNT = 2, 3
 """Four scenes in three parts: two, one and one."""
 FAILING = "mug-0001"
-RECORDED = replace(WIRING, scene_function=f"{fake_scenes.__name__}:recorded_scene")
+RECORDED = recorded_wiring()
 
 
 def bench(out: Path, **options: Any) -> BenchResult:
-    return run_bench(
-        BenchOptions(**{"scenes": SCENES, "workers": 1, "out": out} | options), wiring=RECORDED
-    )
+    chosen: dict[str, Any] = {"scenes": SCENES, "workers": 1, "out": out} | options
+    return run_bench(BenchOptions(**chosen), wiring=RECORDED)
 
 
 def stable_bytes(folder: Path) -> dict[str, bytes]:
