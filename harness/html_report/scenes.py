@@ -59,8 +59,8 @@ def ranking_rule(model: str, *, tolerance_m: float) -> str:
     return (
         f"Worst are the failed scenes, then those whose target was missed, then the others by the "
         f"{plain(model)} model's AURC at {millimetres(tolerance_m)}, mean over the test "
-        f"sets; {MOST_WORST} at most, shared evenly among the classes, and the {MOST_MEDIAN} "
-        "scored ones about each class's middle are shown in pictures."
+        f"sets; pictures show up to {MOST_WORST} of them, evenly from the classes and no more than "
+        f"half of each, and about {MOST_MEDIAN} scored ones from the classes' middles."
     )
 
 

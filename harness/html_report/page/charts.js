@@ -21,11 +21,11 @@
     return [index, box];
   });
   const axis = (title, range) => ({
-    title: { text: title }, range, gridcolor: colour("--line"), zerolinecolor: colour("--line"),
+    title: { text: title, standoff: 8 }, range, gridcolor: colour("--line"), zerolinecolor: colour("--line"),
     linecolor: colour("--dim"), automargin: true,
   });
   const layout = (x, y) => ({
-    xaxis: x, yaxis: y, margin: { l: 60, r: 15, t: 40, b: 50 }, showlegend: false,
+    xaxis: x, yaxis: y, margin: { l: 60, r: 15, t: 40, b: 58 }, showlegend: false,
     paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
     font: { color: colour("--text"), size: 13 }, hovermode: "closest",
     hoverlabel: { bgcolor: colour("--panel"), font: { color: colour("--text") } },
@@ -78,6 +78,8 @@
   }
   cell.addEventListener("change", draw);
   kind.addEventListener("change", draw);
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+  for (const media of ["(prefers-color-scheme: dark)", "print"]) {
+    matchMedia(media).addEventListener("change", draw);
+  }
   draw();
 })();
