@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from harness.cubes import Picture, View
     from harness.figures.source import RunSource
     from harness.recordings.recording import Recording
 
@@ -96,31 +97,46 @@ def draw_thresholds(source: RunSource) -> tuple[Figure, str]:
     NothingToDrawError
         No recording has a completed target with answers of a metric or classic model.
     """
-    rows = [
-        (recording, model)
-        for recording in source.chosen
-        if completed_points(recording) is not None
-        for model in _models(recording)
-    ]
+    scenes = {
+        item.scene_id: item
+        for item in source.chosen
+        if completed_points(item) is not None and _models(item)
+    }
+    rows = [(item, model) for item in scenes.values() for model in _models(item)]
     if not rows:
         raise NothingToDrawError(
             "no chosen scene has completed points with answers of a metric or classic model"
         )
     layout = Layout(width=TWO_COLUMNS_IN, aspect=ASPECT, left=0.36, top=0.2, under=0.2, bottom=0.24)
     grid = picture_grid(len(rows), len(PERCENTILES), layout=layout)
+    stages = {name: _stage(item, size=grid.panel_px) for name, item in scenes.items()}
     for (recording, model), axes in zip(rows, grid.axes, strict=True):
         row_label(axes[0], f"{recording.category}\n{model_style(model).label}")
-        _draw_row(recording, model, axes, size=grid.panel_px, tolerance_m=source.tolerance_m)
+        stage = stages[recording.scene_id]
+        _draw_row(recording, model, axes, stage=stage, tolerance_m=source.tolerance_m)
     for panel, percentile in zip(grid.axes[0], PERCENTILES, strict=True):
         title = "all points" if percentile == 0 else f"above percentile {percentile}"
         panel.set_title(title, pad=3)
     named = {"kept": CERTAIN, "kept, off the mesh": BLACK, "uncertain": UNCERTAIN}
     dot_legend(grid.figure, named, at=(0.5, 0.1 / grid.figure.get_figheight()))
-    names = " and ".join(dict.fromkeys(recording.scene_id for recording, _ in rows))
+    names = " and ".join(scenes)
     return grid.figure, (
         f"{names}, each the median scene of its class, from the side that no camera saw; "
         f"c: confidence; on the mesh: within {1000 * source.tolerance_m:g} mm of it"
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """Where a scene is seen from, and the picture of its true mesh that points are drawn over."""
+
+    view: View
+    mesh: Picture
+
+
+def _stage(recording: Recording, *, size: tuple[int, int]) -> Stage:
+    view = view_from_behind(recording, size=size)
+    return Stage(view, draw_mesh((recording.target,), view=view))
 
 
 def _draw_row(
@@ -128,11 +144,9 @@ def _draw_row(
     model: str,
     axes: Sequence[Axes],
     *,
-    size: tuple[int, int],
+    stage: Stage,
     tolerance_m: float,
 ) -> None:
-    view = view_from_behind(recording, size=size)
-    mesh = draw_mesh((recording.target,), view=view)
     part = completed_points(recording)
     points = recording.test_world[part].astype(np.float64)
     confidence = recording.answers[model].confidence[part]
@@ -142,8 +156,11 @@ def _draw_row(
     for panel, percentile in zip(axes, PERCENTILES, strict=True):
         found = keep_above(confidence, true, percentile=percentile)
         colours = _colours(found.kept, true)
-        show_picture(panel, draw_spheres(points, colours, radius_m=radius_m, view=view, over=mesh))
-        scale_bar(panel, view=view, at_world=middle)
+        show_picture(
+            panel,
+            draw_spheres(points, colours, radius_m=radius_m, view=stage.view, over=stage.mesh),
+        )
+        scale_bar(panel, view=stage.view, at_world=middle)
         under_panel(panel, f"c ≥ {found.threshold:.3f}: {100 * found.on_mesh:.1f} % on mesh")
 
 

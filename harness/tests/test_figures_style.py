@@ -6,16 +6,21 @@ import numpy as np
 from PIL import Image
 
 from harness.figures.style import (
+    BLUE,
     CONFIDENCE_COLOURS,
     DPI,
     MODELS,
     ONE_COLUMN_IN,
+    WEB_DPI,
     class_colour,
     confidence_colours,
+    hex_of,
     model_style,
     new_figure,
     publication,
+    rgb_of,
     write_figure,
+    write_web_figure,
 )
 from harness.table.summary import MODEL_ORDER
 
@@ -54,6 +59,26 @@ def test_confidence_gets_lighter_throughout() -> None:
 
 def test_class_colour_is_that_of_the_pictures() -> None:
     assert class_colour("mug") == "#D55E00"
+
+
+def test_large_figures_for_web_pages_get_256_colours(tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).integers(0, 256, size=(300, 525, 3), dtype=np.uint8)
+    with publication():
+        small, large = (new_figure(width_in=ONE_COLUMN_IN, height_in=2.0) for _ in "ab")
+        small.subplots().plot([0, 1], color=BLUE)
+        axes = large.subplots()
+        axes.imshow(noise, aspect="auto", interpolation="nearest")
+        axes.set_axis_off()
+        (whole,) = write_web_figure(small, tmp_path / "small")
+        (reduced,) = write_web_figure(large, tmp_path / "large")
+    assert (whole.name, reduced.name) == ("small.png", "large.png")
+    with Image.open(whole) as image:
+        assert image.mode == "RGB"
+        assert image.size == (round(ONE_COLUMN_IN * WEB_DPI), 2 * WEB_DPI)
+        assert (np.asarray(image) == rgb_of(BLUE)).all(axis=2).any()
+    with Image.open(reduced) as image:
+        assert image.mode == "P"
+    assert hex_of(rgb_of(BLUE)) == BLUE
 
 
 def test_same_figure_is_the_same_bytes_of_exact_size(tmp_path: Path) -> None:
