@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from harness.html_report.bars import bars
 from harness.html_report.grid import Cell, Grid, Heading, Tone, number_cell
 from harness.html_report.names import cell_name, plain, variant_name
 from harness.table.cells import (
@@ -25,12 +26,17 @@ from harness.table.differences import PAIRS
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from harness.html_report.bars import Bar
     from harness.table.columns import Column
     from harness.table.differences import Contrast, Difference
     from harness.table.summary import Row, Table
 
 Outcome = Literal["better", "worse", "same", "undetected", "untested"]
 
+BARS = (
+    "Bars: to the right of the middle the first model is better; mean, interval, and as a pale "
+    "band what the run is too small to find. Bars of one measure have one scale."
+)
 HEADLINE = columns_of("precision", "auroc", "aurc", "ece")
 """What the verdict is about: the seed's number, two rankings, and calibration."""
 
@@ -47,12 +53,15 @@ class Line:
         What the paired test says of ours against the classic one; empty without the pair.
     tone
         Whether that is good or bad for ours.
+    bar
+        The difference, to one scale for all of this measure; None without one.
     """
 
     heading: str
     best: str
     judgement: str
     tone: Tone
+    bar: Bar | None
 
 
 @dataclass(frozen=True)
@@ -74,12 +83,13 @@ class Verdict:
         One sentence.
     cells
         The classes and test sets.
-    about
-        What the numbers are.
+    bars, about
+        What the bars and the numbers are.
     """
 
     lead: str
     cells: tuple[CellVerdict, ...]
+    bars: str
     about: str
 
 
@@ -91,23 +101,33 @@ def verdict(table: Table) -> Verdict:
         for item in table.reported_differences()
         if (item.first, item.second) == pair
     }
+    groups = table.groups()
+    fullest = [max(rows, key=lambda row: row.scenes) for rows in groups]
+    judged = [
+        differences.get((row.category, row.variant.completion, row.variant.segmenter))
+        for row in fullest
+    ]
+    drawn = {
+        column.key: bars(
+            [None if item is None else item.values[column.key] for item in judged], column
+        )
+        for column in HEADLINE
+    }
     cells = []
-    for rows in table.groups():
-        row = max(rows, key=lambda row: row.scenes)
-        variant = row.variant
-        found = differences.get((row.category, variant.completion, variant.segmenter))
+    for index, (rows, row, found) in enumerate(zip(groups, fullest, judged, strict=True)):
         lines = [
-            Line(column.heading, best, *_judgement(found, column))
+            Line(column.heading, best, *_judgement(found, column), drawn[column.key][index])
             for column in HEADLINE
             if (best := _best(rows, table, column)) is not None
         ]
         if lines:
-            name = cell_name(row.category, variant.completion)
+            name = cell_name(row.category, row.variant.completion)
             about = f"{scene_count(row)}, {object_count(row)}"
             cells.append(CellVerdict(name, about, tuple(lines)))
     return Verdict(
         lead=_lead(table, list(differences.values())),
         cells=tuple(cells),
+        bars=BARS if differences else "",
         about=TESTS,
     )
 

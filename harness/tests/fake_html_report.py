@@ -21,8 +21,8 @@ from harness.recordings.recording import (
     TestSetPart,
     TrueObject,
 )
-from harness.runs.directory import open_run
 from harness.runs.job import SceneJob
+from harness.runs.opening import open_run
 from harness.runs.records import (
     Record,
     SceneResult,

@@ -17,12 +17,15 @@ from PIL import Image
 from harness import cli
 from harness.errors import InputError
 from harness.html_report import pictures
+from harness.html_report.bars import Bar, bars
 from harness.html_report.names import reference_model
 from harness.html_report.scenes import FAILED, MISSED, SCORED, picker_data, rank_scenes
 from harness.html_report.timings import timing_grid
+from harness.html_report.verdict import HEADLINE
 from harness.html_report.write import write_report
 from harness.runs.records import Record, Timing, write_records
 from harness.table.cells import UNDEFINED
+from harness.table.differences import Contrast
 from harness.tests import fake_html_report as fake
 
 if TYPE_CHECKING:
@@ -156,6 +159,21 @@ def test_the_verdict(elements: Elements) -> None:
     assert "AURC best: metric 0.125 [0.105, 0.143] metric - classic tuned -0.200" in text
     assert "12 scenes of mug, bowl, 3 views each, 3 models, masks by oracle" in text
     assert "11 scenes scored 12 objects 1 scenes failed 1 targets missed" in text
+
+
+def contrast(mean: float | None, low: float | None, high: float | None, least: float) -> Contrast:
+    return Contrast(mean, low, high, 0.5, None, least, scenes=6, objects=6, q_value=0.5)
+
+
+def test_bars_of_a_measure_share_a_scale() -> None:
+    precision, _, aurc, _ = HEADLINE
+    wide, narrow = contrast(0.1, 0.0, 0.2, 0.05), contrast(-0.1, None, None, 0.9)
+    drawn = bars([wide, None, narrow, contrast(None, None, None, 0.1)], precision)
+    assert drawn == [Bar(75.0, 50.0, 100.0, 12.5), None, Bar(25.0, 25.0, 25.0, 50.0), None]
+    # Of an AURC less is better, and better is to the right.
+    assert bars([wide], aurc) == [Bar(25.0, 0.0, 50.0, 12.5)]
+    same = contrast(0.0, 0.0, 0.0, 0.0)
+    assert bars([same], precision) == [Bar(50.0, 50.0, 50.0, 0.0)]
 
 
 def test_losses_are_listed(elements: Elements) -> None:
