@@ -27,9 +27,9 @@ from harness import (
     cli_study,
     cli_view,
 )
-from harness.bench import RunInterruptedError
 from harness.cli_parts import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK
 from harness.errors import InputError
+from harness.sitting import RunInterruptedError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

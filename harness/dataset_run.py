@@ -30,24 +30,20 @@ import numpy as np
 import polars as pl
 
 from harness.asked import no_completion
-from harness.bench import (
-    Wiring,
-    compute_scenes,
-    conclude_run,
-    failed_records,
-    scene_problem,
-)
+from harness.bench import Wiring
 from harness.config import Config, Override, check_test_sets, load_config
 from harness.dataset_export import CONFIG_FILE
 from harness.dataset_plan import DatasetJob, Plan, dataset_identity, plan_dataset
 from harness.errors import InputError
 from harness.native import CLASS_NAMES
 from harness.runs.atomic import write_text
-from harness.runs.directory import CONFIG, RunDirectory, default_folder, open_run
+from harness.runs.directory import CONFIG, RunDirectory, default_folder
+from harness.runs.opening import open_run
 from harness.runs.progress import Progress, SilentProgress
 from harness.runs.records import SceneResult
 from harness.runs.tabular import write_parquet
 from harness.scene_run import evaluate_scene, map_scene
+from harness.sitting import compute_scenes, conclude_run, failed_records, scene_problem
 from harness.stages.clock import StageClock
 from sim_scenes import BopError, open_bop
 from sim_scenes.streams import stream

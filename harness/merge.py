@@ -12,13 +12,14 @@ from collections import defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from harness.bench import conclude_run
 from harness.config import Config, differing_keys
 from harness.errors import InputError
-from harness.runs.directory import RunDirectory, open_run
+from harness.runs.directory import RunDirectory
 from harness.runs.job import SceneJob, scene_ids
 from harness.runs.manifest import differing_code
+from harness.runs.opening import open_run
 from harness.runs.records import SCHEMA_VERSION, Record, SceneResult, read_records
+from harness.sitting import conclude_run
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

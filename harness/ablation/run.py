@@ -27,15 +27,16 @@ from harness.ablation.cells import CellResults, CellScene, SceneCells
 from harness.ablation.frame import ablation_frame, read_cell
 from harness.ablation.spec import find_spec, read_spec
 from harness.ablation.summary import Summary, summarise_cells
-from harness.bench import RunInterruptedError, Wiring, conclude_run, failed_records, scene_problem
+from harness.bench import Wiring
 from harness.config import Override
 from harness.engines.engine import SceneDone, SceneFailed, Work, WorkerDied
 from harness.engines.local import LocalEngine
 from harness.runs.atomic import DiskError, write_text
-from harness.runs.directory import RunDirectory, open_run
 from harness.runs.job import SceneJob, object_identity, plan_jobs
+from harness.runs.opening import open_run
 from harness.runs.progress import Progress, SilentProgress
 from harness.runs.tabular import write_parquet
+from harness.sitting import RunInterruptedError, conclude_run, failed_records, scene_problem
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     from harness.ablation.spec import AblationSpec, Cell
     from harness.config import Config
     from harness.engines.engine import Engine
+    from harness.runs.directory import RunDirectory
     from harness.runs.records import SceneResult
 
 RECORDS = "ablation.parquet"

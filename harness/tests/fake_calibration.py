@@ -17,8 +17,8 @@ from harness.recordings.recording import (
     TestSetPart,
     TrueObject,
 )
-from harness.runs.directory import RunDirectory, open_run
 from harness.runs.job import SceneJob
+from harness.runs.opening import open_run
 from harness.runs.records import SceneResult, Variant, write_records
 from harness.tests.fake_scenes import fake_record
 
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from harness.config import Category
+    from harness.runs.directory import RunDirectory
 
 SEGMENTER_SCORE = 0.9
 

@@ -10,10 +10,10 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from harness.asked import gather_test_sets
-from harness.bench import scene_problem
 from harness.protocol import box_test_points
 from harness.runs.records import Record, SceneResult, Variant
 from harness.scene_run import evaluate_scene, map_scene, simulate_job
+from harness.sitting import scene_problem
 from harness.stages import scene as stages
 from harness.stages.clock import StageClock
 from harness.stages.mapping import Mapped

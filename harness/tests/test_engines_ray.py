@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from harness.bench import BenchOptions, RunInterruptedError, run_bench
+from harness.bench import BenchOptions, run_bench
 from harness.config import Config
 from harness.engines.cluster import RayEngine
 from harness.engines.engine import SceneDone, SceneFailed, UnusableWorkerError, Work, WorkerDied
@@ -15,6 +15,7 @@ from harness.engines.identity import code_identity
 from harness.runs.job import SceneJob
 from harness.runs.progress import SilentProgress
 from harness.runs.records import SceneResult
+from harness.sitting import RunInterruptedError
 from harness.tests import fake_scenes
 from harness.tests.fake_cluster import FakeCluster, Node
 from harness.tests.fake_scenes import begun, is_alive

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import pytest
 
-from harness.bench import scene_problem
 from harness.config import Config
 from harness.runs.job import SceneJob
 from harness.runs.records import SceneResult, read_records, write_records
 from harness.scene_run import evaluate_scene, map_scene, simulate_job
+from harness.sitting import scene_problem
 from harness.stages import scene as stages
 from harness.stages.clock import StageClock
 from harness.stages.mapping import Mapped

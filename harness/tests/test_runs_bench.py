@@ -17,13 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from harness.bench import (
-    BenchOptions,
-    BenchResult,
-    RunInterruptedError,
-    Wiring,
-    run_bench,
-)
+from harness.bench import BenchOptions, BenchResult, Wiring, run_bench
 from harness.errors import InputError
 from harness.results import show_confusion, show_run
 from harness.runs.atomic import DiskError
@@ -33,6 +27,7 @@ from harness.runs.job import object_identity
 from harness.runs.manifest import UNKNOWN, git_state
 from harness.runs.progress import Progress, SilentProgress
 from harness.runs.records import SCHEMA_VERSION, read_records, read_timings
+from harness.sitting import RunInterruptedError
 from harness.tests import fake_scenes
 from harness.tests.fake_scenes import begun, is_alive
 from harness.tests.fake_wiring import WIRING

@@ -15,8 +15,8 @@ from harness import cli_view
 from harness.config import Config
 from harness.errors import InputError
 from harness.recordings.file import encode
-from harness.runs.directory import open_run
 from harness.runs.job import SceneJob
+from harness.runs.opening import open_run
 from harness.runs.records import Record, Variant, write_records
 from harness.tests.fake_view import read_rows, record, recording
 from harness.tests.support import full_disk
