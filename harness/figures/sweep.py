@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import polars as pl
 
+from harness.config import RunSection
 from harness.errors import InputError
 from harness.figures.charts import COLUMNS, model_legend
 from harness.figures.source import BOX, Cell, NothingToDrawError, order_models
@@ -29,6 +30,9 @@ if TYPE_CHECKING:
 AXIS = "grid."
 METRICS = {"precision": "precision", "accuracy": "accuracy", "aurc": "AURC"}
 """Rows of the figure: a record's field and its name in print."""
+LOGARITHMIC = frozenset({"aurc"})
+"""Metrics that differ by factors; linear below `LINEAR_BELOW`, for they can be 0."""
+LINEAR_BELOW = 0.001
 NAMES = {
     "scenes.views": "views",
     "scenes.depth_noise.subpixel_px": "sub-pixel depth noise (px)",
@@ -166,7 +170,9 @@ def read_sweeps(ablation: Path) -> dict[str, Sweep]:
     return sweeps
 
 
-def draw_sweep(sweep: Sweep, *, classes: Sequence[str] = ()) -> tuple[Figure, str]:
+def draw_sweep(
+    sweep: Sweep, *, classes: Sequence[str] = RunSection().classes
+) -> tuple[Figure, str]:
     """Draw means with intervals over an axis; returns the figure and its caption.
 
     Parameters
@@ -189,6 +195,11 @@ def draw_sweep(sweep: Sweep, *, classes: Sequence[str] = ()) -> tuple[Figure, st
                 own = frame.filter(pl.col("model") == model)
                 means = step_means(own, metric=metric, steps=sweep.steps, seed=sweep.seed)
                 _draw_curve(axes, places[model], means, style=model_style(model))
+            if metric in LOGARITHMIC:
+                axes.set_yscale("symlog", linthresh=LINEAR_BELOW, linscale=0.5)
+                axes.set_ylim(bottom=0)
+                axes.set_yticks([0, 0.001, 0.01, 0.1, 1], ["0", "0.001", "0.01", "0.1", "1"])
+                axes.minorticks_off()
             if column == 0:
                 axes.set_ylabel(name)
         grid[0][column].set_title(title)
@@ -196,13 +207,14 @@ def draw_sweep(sweep: Sweep, *, classes: Sequence[str] = ()) -> tuple[Figure, st
     model_legend(figure, models)
     left_out = len(panels) - len(shown)
     return figure, (
-        "means over scenes with 95 % intervals over objects"
+        "means over scenes with 95 % intervals over "
+        f"{sweep.frame['object_name'].n_unique()} objects; AURC: less is better"
         + (f"; {sweep.held}" if sweep.held else "")
         + (f"; {left_out} more panels are not drawn" if left_out else "")
     )
 
 
-def sweep_panels(sweep: Sweep, *, classes: Sequence[str] = ()) -> list[tuple[str, pl.DataFrame]]:
+def sweep_panels(sweep: Sweep, *, classes: Sequence[str]) -> list[tuple[str, pl.DataFrame]]:
     """Split a sweep's records into panels, each with its title.
 
     A panel is a class and test set; a class alone where the axis itself chooses among test sets

@@ -257,7 +257,7 @@ def test_panels_are_classes_and_test_sets_unless_the_axis_chooses_these(tmp_path
         for cell, (step, completion) in enumerate((("off", BOX), ("on", "cloud")))
     ]
     sweep = read_sweeps(ablation(tmp_path / "b", chosen))["completion"]
-    ((title, frame),) = sweep_panels(sweep)
+    ((title, frame),) = sweep_panels(sweep, classes=())
     assert (title, len(frame)) == ("mug", 2)
 
 
@@ -269,7 +269,7 @@ def test_a_sweep_is_drawn_with_its_intervals(tmp_path: Path) -> None:
     lines = lines_of(precision, model_style("metric").colour)
     assert_allclose(lines[0].get_ydata(), [0.275, 0.525, 0.775])
     assert len(lines) == 1 + 3, "a curve, and an interval at each step"
-    assert "intervals over objects" in caption
+    assert caption.endswith("intervals over 6 objects; AURC: less is better")
     bottom = figure.axes[-1]
     assert [text.get_text() for text in bottom.get_xticklabels()] == ["1", "2", "3"]
     assert bottom.get_xlabel() == "views"
