@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from harness.runs.records import Variant
     from harness.table.summary import Table
 
+MOST_CHARACTERS = 500
+"""Of a failure's reason."""
+
 REFERENCE = "metric"
 """The model that is judged, and that scenes are ranked by, where a run has it."""
 
@@ -47,6 +50,11 @@ def variant_name(variant: Variant, table: Table) -> str:
     """Name a row's model, with its segmenter where the table has several."""
     segmenters = {row.variant.segmenter for row in table.rows}
     return model_label(variant) if len(segmenters) > 1 else plain(variant.model)
+
+
+def clipped(text: str) -> str:
+    """Cut a text that is too long for a page."""
+    return text if len(text) <= MOST_CHARACTERS else f"{text[:MOST_CHARACTERS]} ..."
 
 
 def plain(name: str) -> str:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from harness.html_report.names import model_order, plain, set_label
+from harness.html_report.names import clipped, model_order, plain, set_label
 from harness.table.cells import millimetres
 from harness.table.columns import columns_of
 
@@ -18,8 +19,8 @@ if TYPE_CHECKING:
 
 MOST_WORST, MOST_MEDIAN = 12, 4
 """How many scenes have pictures, shared among the classes."""
-MOST_SCENES = 5000
-"""How many scenes the picker holds: the worst."""
+MOST_SCENES, MOST_ROWS = 3000, 36_000
+"""How many scenes the picker holds, and of how many rows: the worst."""
 MEASURES = columns_of(
     "base_rate", "precision", "recall", "accuracy", "auroc", "aurc", "ece", "ece_recalibrated"
 )
@@ -135,6 +136,12 @@ def _groups(ranked: Sequence[RankedScene]) -> dict[str, str]:
     return groups
 
 
+def picker_size(ranked: Sequence[RankedScene]) -> int:
+    """Count the scenes, from the worst on, that the picker has room for."""
+    rows = itertools.accumulate(len(item.records) for item in ranked)
+    return min(MOST_SCENES, sum(1 for _ in itertools.takewhile(lambda n: n <= MOST_ROWS, rows)))
+
+
 def picker_data(
     ranked: Sequence[RankedScene],
     *,
@@ -146,7 +153,8 @@ def picker_data(
     Numbers are in thousandths, and names and failures stand once, so that thousands of scenes fit.
     """
     order = {"worst": 0, "median": 1}
-    shown = sorted(ranked[:MOST_SCENES], key=lambda item: (order.get(item.group, 2), item.group))
+    held = ranked[: picker_size(ranked)]
+    shown = sorted(held, key=lambda item: (order.get(item.group, 2), item.group))
     models: dict[str, int] = {}
     sets: dict[str, int] = {}
     failures: dict[str, int] = {}
@@ -159,7 +167,7 @@ def picker_data(
                 sets.setdefault(record.completion, len(sets)),
             ]
             if record.failure is not None:
-                rows.append([*row, failures.setdefault(record.failure, len(failures))])
+                rows.append([*row, failures.setdefault(clipped(record.failure), len(failures))])
                 continue
             values = [column.value(record) for column in MEASURES]
             rows.append([*row, None, *(None if v is None else round(v * 1000) for v in values)])

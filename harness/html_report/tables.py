@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from harness.html_report.grid import Cell, Grid, Heading, estimate_cell, number_cell
-from harness.html_report.names import cell_name, plain, set_label, variant_name
+from harness.html_report.names import cell_name, clipped, plain, set_label, variant_name
 from harness.html_report.scenes import MISSED, SCORED, RankedScene
 from harness.table.cells import millimetres, object_count, scene_count
 from harness.table.columns import BRIEF_COLUMNS, COLUMNS, STATE_COLUMNS, SWEEP_COLUMNS
@@ -95,7 +95,7 @@ def failures_grid(records: Sequence[Record]) -> Grid | None:
                 Cell(scene_id),
                 Cell(set_label(completion)),
                 Cell(", ".join(plain(model) for model in models)),
-                Cell(failure, tone="bad"),
+                Cell(clipped(failure), tone="bad"),
             )
             for (scene_id, completion, failure), models in list(lost.items())[:MOST_LOST]
         ],
@@ -131,7 +131,7 @@ def scene_grid(ranked: Sequence[RankedScene], *, model: str) -> Grid:
             Cell(record.object_name),
             Cell(set_label(record.completion)),
             Cell(
-                record.failure or item.state,
+                clipped(record.failure or item.state),
                 tone="bad" if record.failure or item.state != SCORED else "",
             ),
             *(number_cell(column.value(record)) for column in BRIEF_COLUMNS),

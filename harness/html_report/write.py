@@ -19,6 +19,7 @@ from harness.html_report.scenes import (
     FAILED,
     MISSED,
     picker_data,
+    picker_size,
     rank_scenes,
     ranking_rule,
 )
@@ -272,12 +273,18 @@ def _page(
         curves_about=CURVES_ABOUT if calibration is not None else lacking[0],
         calibration=None if calibration is None else calibration_grid(calibration),
         pictured=pictured,
-        scenes_about=ranking_rule(model, tolerance_m=tolerance_m),
+        scenes_about=_scenes_about(ranked, model=model, tolerance_m=tolerance_m),
         scene_table=scene_grid(ranked, model=model),
         timings=timing_grid(timings) if timings else None,
         timings_lacking=f"{run.timings_path} is missing or empty: no timings.",
         provenance=provenance(run, config),
     )
+
+
+def _scenes_about(ranked: Sequence[RankedScene], *, model: str, tolerance_m: float) -> str:
+    held = picker_size(ranked)
+    rest = "" if held == len(ranked) else f" Only the worst {held} of {len(ranked)} are listed."
+    return ranking_rule(model, tolerance_m=tolerance_m) + rest
 
 
 def _facts(ranked: Sequence[RankedScene], *, records: Sequence[Record]) -> list[Fact]:

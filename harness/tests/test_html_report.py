@@ -16,7 +16,7 @@ from PIL import Image
 
 from harness import cli
 from harness.errors import InputError
-from harness.html_report import pictures
+from harness.html_report import pictures, scenes
 from harness.html_report.bars import Bar, bars
 from harness.html_report.names import reference_model
 from harness.html_report.scenes import FAILED, MISSED, SCORED, picker_data, rank_scenes
@@ -108,6 +108,7 @@ def test_the_page_needs_nothing_but_itself(page: str, elements: Elements) -> Non
             assert (attributes["href"] or "").startswith("data:")
     policy = next(a for tag, a in elements.found if "http-equiv" in a)
     assert (policy["content"] or "").startswith("default-src 'none';")
+    assert "form-action 'none'" in (policy["content"] or "")
 
 
 def test_the_same_run_is_the_same_page(run: fake.FakeRun, page: str, tmp_path: Path) -> None:
@@ -380,6 +381,26 @@ def test_many_scenes_are_bounded(bare: fake.FakeRun) -> None:
     assert [item.scene_id for item in ranked if item.group == "median"] == [
         f"mug-{index:04d}" for index in (31, 30, 29, 28)
     ]
+
+
+def test_the_picker_holds_the_worst(bare: fake.FakeRun, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Six records of each scene.
+    monkeypatch.setattr(scenes, "MOST_ROWS", 17)
+    ranked = rank_scenes(bare.records, model="metric")
+    packed = picker_data(ranked, pictures={}, unpictured="")
+    assert {item["id"] for item in packed["scenes"]} == {"bowl-0005", "bowl-0004"}
+    page = Elements(write_report(bare.folder).file.read_text("utf-8"))
+    assert any("Only the worst 2 of 12 are listed." in text for text in page.texts)
+
+
+def test_a_long_reason_is_cut(bare: fake.FakeRun) -> None:
+    records = [
+        replace(r, failure="x" * 10_000) if r.failure is not None else r for r in bare.records
+    ]
+    write_records(records, bare.folder / "records.parquet")
+    page = Elements(write_report(bare.folder).file.read_text("utf-8"))
+    assert "x" * 500 + " ..." in page.texts
+    assert data(page, "scenes-data")["failures"] == ["x" * 500 + " ..."]
 
 
 def damage_recording(run: fake.FakeRun) -> None:

@@ -115,6 +115,9 @@ def test_it_is_drawn(opened: Opened) -> None:
     assert len(traces) == 5
     assert page.evaluate("document.getElementById('reliability-chart').data.length") == 4
     assert page.evaluate("window.hacked") is None
+    offered = page.locator(".modebar-btn").evaluate_all("(all) => all.map((a) => a.dataset.title)")
+    assert "Zoom" in offered
+    assert not [title for title in offered if "Share" in title or "loud" in title]
     assert fake.HOSTILE in page.inner_text("#verdict")
 
 

@@ -30,7 +30,11 @@
     font: { color: colour("--text"), size: 13 }, hovermode: "closest",
     hoverlabel: { bgcolor: colour("--panel"), font: { color: colour("--text") } },
   });
-  const options = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d"] };
+  // Nothing of a run leaves the page: the library would offer to upload a chart.
+  const options = {
+    responsive: true, displaylogo: false, showSendToCloud: false, plotlyServerURL: "",
+    modeBarButtonsToRemove: ["lasso2d", "select2d"],
+  };
   const trace = (series, more) => ({
     name: plain(series.label), type: "scatter",
     line: { color: series.colour, dash: series.dash, width: 2.5 }, ...more,
