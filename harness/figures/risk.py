@@ -90,7 +90,7 @@ def _draw_cell(axes: Axes, source: RunSource, cell: Cell, models: Sequence[str])
             continue
         style = model_style(model)
         risks = scene_risks(scenes, CONFIDENCE)
-        curve = 100 * np.nanmean(risks, axis=0)
+        curve = 100 * mean_curve(risks)
         front = 4 if model == PREFERRED_MODEL else 3
         axes.plot(
             100 * COVERAGES,
@@ -105,7 +105,7 @@ def _draw_cell(axes: Axes, source: RunSource, cell: Cell, models: Sequence[str])
             _draw_band(axes, scenes, risks, style=style, seed=read.seed)
         if model == PREFERRED_MODEL:
             for name, look in BASELINES.items():
-                other = 100 * np.nanmean(scene_risks(scenes, name), axis=0)
+                other = 100 * mean_curve(scene_risks(scenes, name))
                 axes.plot(
                     100 * COVERAGES, other, color=look.colour, linestyle=look.line, linewidth=0.9
                 )
@@ -148,3 +148,9 @@ def scene_risks(scenes: Sequence[ScenePoints], series: str) -> Floats:
             curve = risk_coverage(ranking, scene.truth != scene.predicted)
             rows.append(risk_at(curve, COVERAGES))
     return np.stack(rows)
+
+
+def mean_curve(risks: Floats) -> Floats:
+    """Mean (100,) of the scenes' risks (scenes, 100) where they are defined; NaN without any."""
+    defined = risks[~np.isnan(risks[:, 0])]
+    return defined.mean(axis=0) if len(defined) else np.full(risks.shape[1], np.nan)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from harness.calibration.read import read_points
 from harness.errors import InputError
+from harness.figures.style import plain
 from harness.runs.directory import RunDirectory
 from harness.runs.records import read_records
 from harness.table.differences import cell_order
@@ -51,7 +52,7 @@ class Cell:
     def label(self) -> str:
         """Name in print."""
         what = "points in the box" if self.completion == BOX else f"completed ({self.completion})"
-        return f"{self.category}, {what}"
+        return plain(f"{self.category}, {what}")
 
 
 @dataclass(eq=False)

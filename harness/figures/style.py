@@ -134,7 +134,12 @@ _METADATA: dict[str, dict[str, Any]] = {
 
 def model_style(model: str) -> SeriesStyle:
     """Style of a record's model; one that is not ours is grey and goes by its name."""
-    return MODELS.get(model) or SeriesStyle(model.replace("_", " "), GREY, "h", "dotted")
+    return MODELS.get(model) or SeriesStyle(plain(model.replace("_", " ")), GREY, "h", "dotted")
+
+
+def plain(text: str) -> str:
+    """Escape what would begin a formula: names come from configurations and folders."""
+    return text.replace("$", r"\$")
 
 
 def class_colour(category: str) -> str:

@@ -13,7 +13,7 @@ from harness.config import RunSection
 from harness.errors import InputError
 from harness.figures.charts import COLUMNS, model_legend
 from harness.figures.source import BOX, Cell, NothingToDrawError, order_models
-from harness.figures.style import TWO_COLUMNS_IN, model_style, new_figure
+from harness.figures.style import TWO_COLUMNS_IN, model_style, new_figure, plain
 from harness.statistics import mean_estimate
 
 if TYPE_CHECKING:
@@ -85,8 +85,8 @@ class Sweep:
         name = self.key.rpartition(".")[2]
         for ending, (unit, _) in UNITS.items():
             if name.endswith(ending):
-                return f"{name.removesuffix(ending).replace('_', ' ')} ({unit})"
-        return name.replace("_", " ")
+                return plain(f"{name.removesuffix(ending).replace('_', ' ')} ({unit})")
+        return plain(name.replace("_", " "))
 
     def positions(self) -> npt.NDArray[np.float64]:
         """Where the steps stand on the axis: numbers in their unit in print, names evenly."""
@@ -300,7 +300,7 @@ def _finish(axes: Axes, sweep: Sweep) -> None:
     if is_logarithmic(places):
         axes.set_xscale("log")
     names = [
-        step if isinstance(step, str) else f"{place:g}"
+        plain(step) if isinstance(step, str) else f"{place:g}"
         for step, place in zip(sweep.steps, places, strict=True)
     ]
     axes.set_xticks(places, names)

@@ -15,10 +15,10 @@ from harness.calibration.series import scene_points
 from harness.errors import InputError
 from harness.figures.charts import panel_blocks
 from harness.figures.reliability import draw_reliability, pooled
-from harness.figures.risk import draw_risk_coverage, scene_risks
+from harness.figures.risk import draw_risk_coverage, mean_curve, scene_risks
 from harness.figures.seed_table import COLUMN_ORDER, draw_seed_table
 from harness.figures.source import BOX, NothingToDrawError, RunSource
-from harness.figures.style import SEED, model_style, publication
+from harness.figures.style import SEED, model_style, publication, write_web_figure
 from harness.figures.sweep import (
     Sweep,
     draw_sweep,
@@ -75,7 +75,11 @@ def test_risks_of_a_scene_by_hand() -> None:
     steady = replace(BLOCK.answers["metric"], variance=np.zeros(16))
     without = replace(BLOCK, answers={"metric": steady})
     none = scene_points(without, completion=BOX, model="metric", tolerance_m=0.005)
-    assert np.isnan(scene_risks([none], "normalised_score")).all()
+    undefined = scene_risks([none], "normalised_score")
+    assert np.isnan(undefined).all()
+    assert np.isnan(mean_curve(undefined)).all()
+    rows = np.array([[0.0, 0.2], [np.nan, np.nan], [0.2, 0.4]])
+    assert_allclose(mean_curve(rows), [0.1, 0.3])
 
 
 def test_reliability_is_of_all_scenes_points() -> None:
@@ -273,6 +277,18 @@ def test_a_sweep_is_drawn_with_its_intervals(tmp_path: Path) -> None:
     bottom = figure.axes[-1]
     assert [text.get_text() for text in bottom.get_xticklabels()] == ["1", "2", "3"]
     assert bottom.get_xlabel() == "views"
+
+
+def test_names_are_no_formulas(tmp_path: Path) -> None:
+    rows = [
+        {"cell": cell, "grid.my_$x": name, "model": "my_$model", "completion": "a$b"}
+        for cell, name in enumerate(("$\\frac", "b$"))
+    ]
+    (sweep,) = read_sweeps(ablation(tmp_path / "a", rows)).values()
+    with publication():
+        figure, _ = draw_sweep(sweep)
+        write_web_figure(figure, tmp_path / "formulas")
+    assert sweep.label == r"my \$x"
 
 
 def test_a_runs_tolerances_are_a_sweep(source: RunSource) -> None:
