@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from harness.bench import QUICK_SCENES, Wiring
+from harness.bench import QUICK_SCENES, BenchOptions, Wiring
 from harness.cli_parts import (
     EXIT_FAILED,
     EXIT_OK,
@@ -24,6 +24,7 @@ from harness.gate.baseline import Baseline, read_baseline
 from harness.gate.run import BASELINE_FOLDER, GateOptions, run_gate
 from harness.gate.speed import SpeedMode  # noqa: TC001 - as above
 from harness.gate.text import headline, render_verdict
+from harness.gate.timed import run_timed
 from harness.gate.update import UpdateOptions, update_baseline
 from harness.runs.progress import ConsoleProgress
 
@@ -97,6 +98,50 @@ def gate(
         stdout().print(render_verdict(result, everything=everything), highlight=False)
         print_line(headline(result))
     return EXIT_OK if result.passed else EXIT_FAILED
+
+
+@baseline_commands.command(
+    "run",
+    epilog=(
+        "[bold]Examples[/bold]\n\n"
+        "A run to become the baseline:  "
+        "[cyan]harness baseline run --scenes 32 --out results/RUN[/cyan]\n\n"
+        "The same as [cyan]harness bench[/cyan], with a workload of two seconds timed before and "
+        "after, by which the gate tells a slower stage from a slower machine.\n\n"
+        "Exit codes: 0 done, 1 every scene failed, 2 bad input, 130 interrupted."
+    ),
+)
+def run_for_baseline(
+    *,
+    scenes: Annotated[int | None, number_option("Scenes of each class.")] = None,
+    workers: Annotated[int | None, number_option("Worker processes, by default one per core.")] = (
+        None
+    ),
+    config: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="TOML, as for `harness bench`.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="RUN", help="Folder to write, by default results/TIME-HASH."),
+    ] = None,
+    as_json: JsonOption = False,
+) -> int:
+    """Run the benchmark so that its times can be held against, for `baseline update` to take."""
+    result = run_timed(
+        BenchOptions(scenes=scenes, workers=workers, config=config, out=out),
+        progress=ConsoleProgress(Console(stderr=True)),
+        wiring=wiring,
+    )
+    if as_json:
+        print_json(
+            {"folder": result.folder, "scenes": result.scenes, "failures": dict(result.failures)}
+        )
+    else:
+        print_line(
+            f"{result.scenes} scenes, {len(result.failures)} failed; make it the baseline: "
+            f"harness baseline update --from {result.folder}"
+        )
+    return EXIT_FAILED if result.all_failed else EXIT_OK
 
 
 @baseline_commands.command(

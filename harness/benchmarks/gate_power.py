@@ -163,8 +163,9 @@ def simulate(
     _, member = np.unique(paired.objects[some], return_inverse=True)
     classes = np.array([str(name).rsplit("-", 1)[0] for name in paired.scene_ids[some]])
     place_of = {(row.cell, row.metric.key): place for place, row in enumerate(rows)}
-    with np.errstate(invalid="ignore"):
-        middle = np.nanmean(noise, axis=1, keepdims=True, where=np.isfinite(noise))
+    defined = np.isfinite(noise)
+    sums = np.where(defined, noise, 0.0).sum(axis=1, keepdims=True)
+    middle = sums / np.maximum(defined.sum(axis=1, keepdims=True), 1)
     failed = 0
     for _ in range(repeats):
         losses, objects, chosen = noise, member, np.arange(some.size)

@@ -26,7 +26,7 @@ from harness.runs.atomic import write_text
 from harness.runs.manifest import core_count, describe_session
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
 CALIBRATION = "calibration.json"
 """Name of the file in a run's folder."""
@@ -215,3 +215,13 @@ def read_calibration(folder: Path) -> Calibration | None:
         raise InputError(
             f"{path} cannot be read ({error}); delete it, and times are not judged"
         ) from None
+
+
+def several_sittings(sessions: Sequence[object]) -> str | None:
+    """Say that a run's calibration is not of all its scenes; None where it is."""
+    if len(sessions) == 1:
+        return None
+    return (
+        f"was worked at in {len(sessions)} sittings, and its calibration is of the last alone; "
+        "run it in one for its times to be judged"
+    )

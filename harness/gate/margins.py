@@ -1,7 +1,7 @@
 """What the gate judges, by which margins, and how surely: the one table that decides.
 
 A margin is the loss that a revision may have without a word. It has to lie well below the losses
-that shall be caught: 2 points of precision are 8 margins. The figures of what is caught and what
+that shall be caught: 2 points of precision are 10 margins. The figures of what is caught and what
 false alarms cost are measured by ``python -m harness.benchmarks.gate_power RUN``.
 """
 
@@ -40,9 +40,9 @@ class Gated:
 
 GATED = (
     # Without a positive prediction none is right, as in scikit-learn's zero_division=0.
-    Gated("precision", "precision", "higher", 0.0025, undefined=0.0),
+    Gated("precision", "precision", "higher", 0.002, undefined=0.0),
     Gated("recall", "recall", "higher", 0.005),
-    Gated("accuracy", "accuracy", "higher", 0.0025),
+    Gated("accuracy", "accuracy", "higher", 0.002),
     # Undefined where all points lie on the mesh, as in many completions.
     Gated("auroc", "AUROC", "higher", 0.005),
     Gated("aurc", "AURC", "lower", 0.002),

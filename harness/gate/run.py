@@ -12,18 +12,11 @@ from harness.config import differing_values
 from harness.errors import InputError
 from harness.gate.acceptance import check_objects, reported
 from harness.gate.baseline import Baseline, read_baseline
-from harness.gate.calibration import (
-    Calibration,
-    Machine,
-    conclude,
-    measure,
-    read_calibration,
-    this_machine,
-    write_calibration,
-)
+from harness.gate.calibration import read_calibration, several_sittings, this_machine
 from harness.gate.judge import Quality, judge_quality
 from harness.gate.pairs import pair_runs
 from harness.gate.speed import Speed, SpeedMode, judge_speed, other_machine
+from harness.gate.timed import run_timed
 from harness.results import finished_run
 from harness.runs.records import Record, read_records, read_timings
 
@@ -117,6 +110,8 @@ def run_gate(
         scenes = min(scenes, QUICK_SCENES)
     records = _judged(baseline.records, baseline.config, scenes=scenes)
     check_objects(baseline.folder, records, classes=baseline.config.run.classes)
+    if options.run is None and options.speed == "require":
+        _require_speed(baseline, workers=options.workers, scenes=scenes)
     folder = options.run or _compute(
         options, baseline, scenes=scenes, progress=progress, wiring=wiring
     )
@@ -139,6 +134,25 @@ def run_gate(
     )
 
 
+def _require_speed(baseline: Baseline, *, workers: int | None, scenes: int) -> None:
+    """Refuse, before hours of work, times that could not be compared."""
+    if baseline.calibration is None:
+        raise InputError(f"--speed require: {_without_calibration(baseline)}")
+    here = this_machine(
+        workers=workers or baseline.config.run.workers,
+        scenes=scenes * len(baseline.config.run.classes),
+    )
+    if refused := other_machine(here, baseline.calibration.machine):
+        raise InputError(f"--speed require: {refused}")
+
+
+def _without_calibration(baseline: Baseline) -> str:
+    return (
+        f"{baseline.folder} has no calibration; make it of a run by `harness baseline run`, which "
+        "takes one"
+    )
+
+
 def _judged(records: Sequence[Record], config: Config, *, scenes: int) -> list[Record]:
     """Take the reported tolerance and the first scenes of each class."""
     return [item for item in reported(records, config) if _index(item.scene_id) < scenes]
@@ -158,23 +172,12 @@ def _compute(
     progress: Progress | None,
     wiring: Wiring | None,
 ) -> Path:
-    """Run the benchmark as the baseline was, between two calibrations."""
-    workers = options.workers or baseline.config.run.workers
-    total = scenes * len(baseline.config.run.classes)
-    machine = this_machine(workers=workers, scenes=total)
-    timed = options.speed != "skip" and baseline.calibration is not None
-    before = measure(workers=machine.workers) if timed else []
-    result = run_bench(
-        BenchOptions(
-            config=baseline.config_path, scenes=scenes, workers=options.workers, out=options.out
-        ),
-        progress=progress,
-        wiring=wiring,
+    """Run the benchmark as the baseline was, between calibrations if its times are judged."""
+    compute = run_bench if options.speed == "skip" or baseline.calibration is None else run_timed
+    bench = BenchOptions(
+        config=baseline.config_path, scenes=scenes, workers=options.workers, out=options.out
     )
-    if timed:
-        after = measure(workers=machine.workers)
-        write_calibration(conclude(before, after, machine=machine), result.folder)
-    return result.folder
+    return compute(bench, progress=progress, wiring=wiring).folder
 
 
 def _check_same_scenes(
@@ -224,24 +227,15 @@ def _speed(options: GateOptions, run: RunDirectory, baseline: Baseline) -> Speed
 
 def _compared(run: RunDirectory, baseline: Baseline) -> Speed:
     if baseline.calibration is None:
-        return Speed(
-            f"{baseline.folder} has no calibration; make it with `harness baseline update` on the "
-            "machine that ran it"
-        )
-    config, session = run.config(), run.manifest()["sessions"][-1]
-    total = config.run.scenes * len(config.run.classes)
-    machine = Machine.of_session(session["machine"], workers=config.run.workers, scenes=total)
-    if refused := other_machine(machine, baseline.calibration.machine):
-        return Speed(refused)
+        return Speed(_without_calibration(baseline))
     calibration = read_calibration(run.folder)
     if calibration is None:
-        if machine.unlike(this_machine(workers=config.run.workers, scenes=total)):
-            return Speed(
-                f"{run.folder} was run on another machine and has no calibration; run it with "
-                "`harness gate --out RUN` there"
-            )
-        times = sorted(measure(workers=machine.workers))
-        calibration = Calibration(machine, times[len(times) // 2])
+        return Speed(
+            f"{run.folder} has no calibration; `harness gate` takes one where it runs the "
+            "benchmark itself"
+        )
+    if sittings_problem := several_sittings(run.manifest()["sessions"]):
+        return Speed(f"{run.folder} {sittings_problem}")
     return judge_speed(
         baseline.timings,
         read_timings(run.timings_path),

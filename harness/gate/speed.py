@@ -89,6 +89,8 @@ def judge_speed(
     before, after
         Their calibrations: the baseline's, and the run's.
     """
+    if refused := other_machine(after.machine, before.machine):
+        return Speed(refused)
     for whose, found in (("the baseline", before), ("the run", after)):
         if not 1 / UNSTEADY <= found.drift <= UNSTEADY:
             return Speed(
@@ -96,8 +98,6 @@ def judge_speed(
                 f"{found.drift:.2f} times as long after as before; run again when it has nothing "
                 "else to do"
             )
-    if refused := other_machine(after.machine, before.machine):
-        return Speed(refused)
     pace = after.seconds / before.seconds
     theirs, ours = _by_stage(baseline), _by_stage(now)
     stages = []
@@ -130,8 +130,8 @@ def other_machine(here: Machine, there: Machine) -> str | None:
     if (other := here.unlike(there)) is None:
         return None
     return (
-        f"the baseline was timed on another machine or with other workers ({other}); make it on "
-        "this one with `harness baseline update`, or pass --speed skip"
+        f"the baseline was timed on another machine or with other workers ({other}); make one on "
+        "this machine with `harness baseline update`, or pass --speed skip"
     )
 
 

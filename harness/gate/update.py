@@ -31,13 +31,7 @@ from harness.gate.baseline import (
     read_baseline,
     read_history,
 )
-from harness.gate.calibration import (
-    Calibration,
-    Machine,
-    measure,
-    read_calibration,
-    this_machine,
-)
+from harness.gate.calibration import Calibration, read_calibration, several_sittings
 from harness.protocol import test_set_of
 from harness.results import finished_run
 from harness.runs.atomic import DiskError, write_text
@@ -137,9 +131,7 @@ def update_baseline(
     failed = failures(run.folder, records, allowed=options.allow_failed)
     check_objects(run.folder, reported(records, config), classes=config.run.classes)
     asked = asked_table(run.folder, config, check_pipeline=check_pipeline)
-    scenes = config.run.scenes * len(config.run.classes)
-    machine = Machine.of_session(sessions[-1]["machine"], workers=config.run.workers, scenes=scenes)
-    calibration, notes = _calibration(run.folder, machine=machine, config=config)
+    calibration, notes = _calibration(run.folder, sessions)
     before, history, unread = _before(options.baseline)
     entry = Entry(
         date=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -200,20 +192,16 @@ def _before(folder: Path) -> tuple[Baseline | None, Sequence[Entry], list[str]]:
     return before, before.history, []
 
 
-def _calibration(
-    folder: Path, *, machine: Machine, config: Config
-) -> tuple[Calibration | None, list[str]]:
-    """Find the calibration of a run, or take it now where the machine is this one."""
-    if (found := read_calibration(folder)) is not None:
+def _calibration(folder: Path, sessions: Sequence[object]) -> tuple[Calibration | None, list[str]]:
+    """Find the calibration around a run; without one, say why no speed is judged."""
+    found = read_calibration(folder)
+    if found is None:
+        why = "has no calibration; one by `harness baseline run` has"
+    elif (problem := several_sittings(sessions)) is not None:
+        why = problem
+    else:
         return found, []
-    scenes = config.run.scenes * len(config.run.classes)
-    here = this_machine(workers=config.run.workers, scenes=scenes)
-    if machine.unlike(here):
-        return None, ["the run is of another machine and has no calibration: no speed is judged"]
-    times = sorted(measure(workers=machine.workers))
-    return Calibration(machine, times[len(times) // 2]), [
-        "the calibration was taken now, not around the run; a run by `harness gate --out` has it"
-    ]
+    return None, [f"no speed will be judged: {folder} {why}"]
 
 
 def _changes(before: Baseline | None, records: Sequence[Record], *, config: Config) -> list[Change]:
