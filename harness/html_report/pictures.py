@@ -12,10 +12,12 @@ from PIL import Image
 
 from harness.cubes import Picture, View, draw_cubes
 from harness.figures.style import confidence_colours
+from harness.html_report.names import plain
 from harness.native import CLASS_NAMES, MeshTruth
 from harness.pictures import CLASS_COLOURS
 from harness.segmentation.pictures import Instance, draw_instances
 from harness.surface_picture import Backdrop, Dots, two_sides
+from harness.table.cells import millimetres
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -102,7 +104,7 @@ def _draw_view(view: RecordedView, recording: Recording) -> Picture:
 
 
 def _draw_map(recording: Recording) -> Picture | None:
-    """Draw the voxels about the true target from where the cameras stood; None without any."""
+    """Draw the voxels about the true target from where the first camera stood; None without any."""
     voxels, about = recording.voxels, recording.target.vertices_world.astype(np.float64)
     centres = voxels.centres_world.astype(np.float64)
     low, high = about.min(axis=0) - CROP_MARGIN_M, about.max(axis=0) + CROP_MARGIN_M
@@ -142,14 +144,14 @@ def _completed(recording: Recording, *, model: str, tolerance_m: float) -> Itera
     ]
     on_mesh = recording.on_target(tolerance_m)[part]
     by_truth = [Dots(points[on_mesh], ON_MESH), Dots(points[~on_mesh], OFF_MESH)]
-    name = model.replace("_", " ")
-    for side, where in zip(sides, ("the cameras' side", "behind"), strict=True):
+    name = plain(model)
+    for side, where in zip(sides, ("the first camera's side", "behind"), strict=True):
         caption = f"completed points by the {name} model's confidence, from {where}"
         yield _picture(caption, side.draw(by_confidence))
-    share = f"{on_mesh.mean():.0%} within {tolerance_m * 1000:g} mm of the mesh"
+    share = f"{on_mesh.mean():.0%} within {millimetres(tolerance_m)} of the mesh"
     yield _picture(f"completed points: {share}, the others orange", sides[0].draw(by_truth))
 
 
 def _eye(recording: Recording) -> Floats:
-    """Where the cameras stood on average, (3,)."""
-    return np.asarray(np.mean([view.world_from_camera[:3, 3] for view in recording.views], axis=0))
+    """Where the first camera stood, (3,); the mean of cameras all around would be overhead."""
+    return recording.views[0].world_from_camera[:3, 3]

@@ -261,7 +261,7 @@ def test_pictures_of_a_scene() -> None:
     assert [item.caption for item in drawn] == [
         "view 1: found mug 0.75",
         "map around the target, voxels by class",
-        "completed points by the metric model's confidence, from the cameras' side",
+        "completed points by the metric model's confidence, from the first camera's side",
         "completed points by the metric model's confidence, from behind",
         "completed points: 50% within 5 mm of the mesh, the others orange",
     ]
