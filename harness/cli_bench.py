@@ -93,7 +93,10 @@ def bench(
         str | None,
         typer.Option(
             metavar="ADDRESS",
-            help="The Ray cluster: auto (the default), HOST:PORT or ray://HOST:PORT.",
+            help=(
+                "The Ray cluster: auto (the default), HOST:PORT or ray://HOST:PORT; its nodes "
+                "need this checkout, its wheel and its virtual environment."
+            ),
         ),
     ] = None,
     shard: Annotated[
