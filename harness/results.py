@@ -56,6 +56,27 @@ class Comparison:
     settings: Sequence[tuple[str, Any, Any]]
 
 
+@dataclass(frozen=True, eq=False)
+class FinishedRun:
+    """A finished run's configuration and records, read once for several questions."""
+
+    folder: Path
+    config: Config
+    records: Sequence[Record]
+
+
+def read_run(folder: Path) -> FinishedRun:
+    """Read a finished run.
+
+    Raises
+    ------
+    InputError
+        As `finished_run`; damaged records.
+    """
+    run = finished_run(folder)
+    return FinishedRun(folder, run.config(), read_records(run.records_path))
+
+
 def show_run(folder: Path) -> Table:
     """Read a finished run's table.
 
@@ -91,11 +112,7 @@ def tabulate(records: Sequence[Record], *, config: Config) -> Table:
 
 
 def compare_runs(first: Path, second: Path, *, model_a: str, model_b: str) -> Comparison:
-    """Compare a model of one run with a model of another, scene by scene.
-
-    Scenes are the same where id, seed, object, number of redraws, test points and their base rate
-    agree: a scene that one run had to draw again stands elsewhere in the other. Completed points
-    need not agree, for each run's completer and views make its own.
+    """Compare a model of one run with a model of another: see `compare_finished`.
 
     Parameters
     ----------
@@ -107,20 +124,42 @@ def compare_runs(first: Path, second: Path, *, model_a: str, model_b: str) -> Co
     Raises
     ------
     InputError
-        A folder without a finished run; a run without the model; runs that report at different
-        tolerances or share no scene.
+        As `read_run` and `compare_finished`.
     """
-    runs = [finished_run(folder) for folder in (first, second)]
-    ours, theirs = (run.config() for run in runs)
+    return compare_finished(read_run(first), read_run(second), model_a=model_a, model_b=model_b)
+
+
+def compare_finished(
+    first: FinishedRun, second: FinishedRun, *, model_a: str, model_b: str
+) -> Comparison:
+    """Compare a model of one run with a model of another, scene by scene.
+
+    Scenes are the same where id, seed, object, number of redraws, test points and their base rate
+    agree: a scene that one run had to draw again stands elsewhere in the other. Completed points
+    need not agree, for each run's completer and views make its own.
+
+    Parameters
+    ----------
+    first, second
+        The runs.
+    model_a, model_b
+        The first run's model, and the second's that is subtracted from it.
+
+    Raises
+    ------
+    InputError
+        A run without the model; runs that report at different tolerances or share no scene.
+    """
+    ours, theirs = first.config, second.config
     tolerance_m = ours.protocol.reported_tolerance_m
     if tolerance_m not in theirs.protocol.tolerances_m:
         raise InputError(
-            f"{second} was not scored at {tolerance_m} m, the tolerance that {first} reports; "
-            f"add it to protocol.tolerances_m and run {second} again"
+            f"{second.folder} was not scored at {tolerance_m} m, the tolerance that "
+            f"{first.folder} reports; add it to protocol.tolerances_m and run {second.folder} again"
         )
     a, b = (
         _of_model(run, model, tolerance_m=tolerance_m)
-        for run, model in zip(runs, (model_a, model_b), strict=True)
+        for run, model in ((first, model_a), (second, model_b))
     )
     scenes_a, scenes_b = ({record.scene_id for record in records} for records in (a, b))
     sets_a, sets_b = (
@@ -140,17 +179,18 @@ def compare_runs(first: Path, second: Path, *, model_a: str, model_b: str) -> Co
     if not differences:
         reason = f" ({next(iter(unlike.values()))})" if unlike else ""
         raise InputError(
-            f"{first} and {second} share no scene that both scored{reason}; run both with the "
-            "same run.seed, run.classes, scenes.objects and protocol.test_sets"
+            f"{first.folder} and {second.folder} share no scene that both scored{reason}; run "
+            "both with the same run.seed, run.classes, scenes.objects and protocol.test_sets"
         )
+    folders = (first.folder, second.folder)
     return Comparison(
-        first=first,
-        second=second,
+        first=first.folder,
+        second=second.folder,
         model_a=model_a,
         model_b=model_b,
         differences=differences,
         scenes=len({r.scene_id for r in a if r.status == "ok"} & _scored(b) - unlike.keys()),
-        empty=_empty_classes(ours.run.classes, differences, runs=(first, second), records=(a, b)),
+        empty=_empty_classes(ours.run.classes, differences, runs=folders, records=(a, b)),
         unlike=[f"{scene_id}: {why}" for scene_id, why in unlike.items()],
         only_first=len(scenes_a - scenes_b),
         only_second=len(scenes_b - scenes_a),
@@ -200,11 +240,10 @@ def _unlike(first: Record, second: Record) -> str | None:
     return None
 
 
-def _of_model(run: RunDirectory, model: str, *, tolerance_m: float) -> list[Record]:
-    records = read_records(run.records_path)
-    chosen = [r for r in records if r.model == model and r.tolerance_m == tolerance_m]
+def _of_model(run: FinishedRun, model: str, *, tolerance_m: float) -> list[Record]:
+    chosen = [r for r in run.records if r.model == model and r.tolerance_m == tolerance_m]
     if not chosen:
-        have = ", ".join(sorted({record.model for record in records})) or "none"
+        have = ", ".join(sorted({record.model for record in run.records})) or "none"
         raise InputError(f"{run.folder} has no records of model '{model}'; it has: {have}")
     return chosen
 

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from harness.errors import InputError
 from harness.html_report.grid import Cell, Grid, Heading
 from harness.html_report.names import cell_name, model_order, plain
 from harness.html_report.verdict import TEST_HEADINGS, Outcome, outcome, tally, test_cells
-from harness.results import compare_runs, finished_run
-from harness.runs.records import read_records
-from harness.statistics import benjamini_hochberg
+from harness.results import compare_finished, read_run
 from harness.table.cells import TESTS
 from harness.table.columns import DIFFERENCE_COLUMNS
+from harness.table.differences import in_families
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -23,7 +20,7 @@ if TYPE_CHECKING:
 
     from harness.results import Comparison
     from harness.table.columns import Column
-    from harness.table.differences import Contrast, Difference
+    from harness.table.differences import Difference
 
 MOST_NAMED = 20
 """How many scenes that are left out are named."""
@@ -68,20 +65,18 @@ def compare(first: Path, second: Path) -> RunComparison:
     Raises
     ------
     InputError
-        As `harness.results.compare_runs`; runs without a model in common.
+        As `harness.results.compare_finished`; runs without a model in common.
     """
-    ours, theirs = (
-        {record.model for record in read_records(finished_run(folder).records_path)}
-        for folder in (first, second)
-    )
+    runs = read_run(first), read_run(second)
+    ours, theirs = ({record.model for record in run.records} for run in runs)
     models = sorted(ours & theirs, key=model_order)
     if not models:
         raise InputError(
             f"{first} and {second} have no model in common ({', '.join(sorted(ours))} and "
             f"{', '.join(sorted(theirs))}); compare two of them with `harness compare`"
         )
-    found = [compare_runs(first, second, model_a=model, model_b=model) for model in models]
-    differences = _one_family([item for comparison in found for item in comparison.differences])
+    found = [compare_finished(*runs, model_a=model, model_b=model) for model in models]
+    differences = in_families(item for comparison in found for item in comparison.differences)
     outcomes: list[Outcome] = []
     rows = []
     for item in differences:
@@ -107,21 +102,6 @@ def compare(first: Path, second: Path) -> RunComparison:
         differences=Grid("This run less the other", (*names, *TEST_HEADINGS), rows),
         about=TESTS,
     )
-
-
-def _one_family(differences: Sequence[Difference]) -> list[Difference]:
-    """State q-values over all models' differences together, for they stand in one table."""
-    keys = [(index, key) for index, item in enumerate(differences) for key in item.values]
-    tests = [differences[index].values[key] for index, key in keys]
-    p_values = [np.nan if test.p_value is None else test.p_value for test in tests]
-    q_values = benjamini_hochberg(np.array(p_values, dtype=np.float64)).tolist()
-    adjusted: list[dict[str, Contrast]] = [{} for _ in differences]
-    for (index, key), test, q_value in zip(keys, tests, q_values, strict=True):
-        known = None if test.p_value is None else q_value
-        adjusted[index][key] = replace(test, q_value=known)
-    return [
-        replace(item, values=values) for item, values in zip(differences, adjusted, strict=True)
-    ]
 
 
 def _names(item: Difference, column: Column) -> tuple[Cell, ...]:
