@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -170,10 +171,34 @@ def scale_bar(
     axes.set_ylim(height - 0.5, -0.5)
 
 
+def legend_height(count: int, *, columns: int) -> float:
+    """Height (inches) of a legend of so many names below a figure."""
+    return 0.06 + 0.14 * math.ceil(count / columns)
+
+
 def dot_legend(
-    figure: Figure, colours: Mapping[str, str], *, at: tuple[float, float], marker: str = "o"
+    figure: Figure,
+    colours: Mapping[str, str],
+    *,
+    centre: float = 0.5,
+    columns: int | None = None,
+    marker: str = "o",
 ) -> None:
-    """Name colours in one line, centred at a place in the figure."""
+    """Name colours at the lower edge, in one line unless columns are given.
+
+    Parameters
+    ----------
+    figure
+        With `legend_height` left free below.
+    colours
+        By name.
+    centre
+        Of the legend, as a share of the figure's width.
+    columns
+        Most names in a line.
+    marker
+        Of all names.
+    """
     figure.legend(
         handles=[
             Line2D(
@@ -189,12 +214,14 @@ def dot_legend(
             )
             for name, colour in colours.items()
         ],
-        loc="center",
-        bbox_to_anchor=at,
-        ncols=len(colours),
+        loc="lower center",
+        bbox_to_anchor=(centre, 0.04 / figure.get_figheight()),
+        ncols=min(len(colours), columns or len(colours)),
         handletextpad=0.2,
         columnspacing=1.2,
+        labelspacing=0.3,
         borderaxespad=0,
+        borderpad=0,
     )
 
 

@@ -149,12 +149,21 @@ def direction_to_cameras(
 
 
 def near_target(recording: Recording) -> Recording:
-    """Leave of a map what lies about its target, a round piece of the table under it."""
+    """Leave of a map and its completed shapes what lies about its target, in a circle."""
     shown, voxels = shown_points(recording)[:, :2], recording.voxels
     middle = (shown.min(axis=0) + shown.max(axis=0)) / 2
     radius = TABLE_RADIUS * float(np.linalg.norm(shown - middle, axis=1).max())
-    kept = np.linalg.norm(voxels.centres_world[:, :2] - middle, axis=1) <= radius
-    return replace(recording, voxels=keep_voxels(voxels, kept))
+
+    def near(points_world: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
+        return np.asarray(np.linalg.norm(points_world[:, :2] - middle, axis=1) <= radius)
+
+    tracked = []
+    for cloud in recording.tracked:
+        kept = near(cloud.completed_world)
+        completed, spread_m = cloud.completed_world[kept], cloud.spread_m[kept]
+        tracked.append(replace(cloud, completed_world=completed, spread_m=spread_m))
+    voxels = keep_voxels(voxels, near(voxels.centres_world))
+    return replace(recording, voxels=voxels, tracked=tuple(tracked))
 
 
 def keep_voxels(voxels: RecordedVoxels, kept: npt.NDArray[np.bool_]) -> RecordedVoxels:

@@ -118,7 +118,7 @@ def draw_thresholds(source: RunSource) -> tuple[Figure, str]:
         title = "all points" if percentile == 0 else f"above percentile {percentile}"
         panel.set_title(title, pad=3)
     named = {"kept": CERTAIN, "kept, off the mesh": BLACK, "uncertain": UNCERTAIN}
-    dot_legend(grid.figure, named, at=(0.5, 0.1 / grid.figure.get_figheight()))
+    dot_legend(grid.figure, named)
     names = " and ".join(scenes)
     return grid.figure, (
         f"{names}, each the median scene of its class, from the side that no camera saw; "

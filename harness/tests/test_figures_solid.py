@@ -30,6 +30,7 @@ from harness.figures.solid import (
     window_around,
 )
 from harness.figures.style import publication
+from harness.figures.tracked import LabelBox, label_boxes, marker_place, spread_markers
 from harness.pictures import CLASS_COLOURS
 from harness.recordings.recording import RecordedView, RecordedVoxels
 from harness.tests.fake_html_report import MISSED, job, recording
@@ -199,3 +200,38 @@ def test_panels_have_their_size_in_print() -> None:
     assert grid.panel_px == (200, 100)
     assert grid.figure.get_figwidth() == 3.5
     assert grid.figure.get_figheight() == pytest.approx(0.2 + 2 * (1 / 3 + 0.1) + 0.02)
+
+
+def test_names_are_spread_until_none_hides_another() -> None:
+    view = View(np.array([0.0, -1.0, 0.3]), np.zeros(3), size=(500, 480))
+    places = np.array([[0.0, 0.0, 0.1], [0.01, 0.1, 0.1], [0.3, 0.0, 0.1]])
+    names = ["#1 mug", "#2 mug", "#3 bowl"]
+    shown = np.array([[-0.3, -0.1, 0.0], [0.4, 0.2, 0.0]])
+
+    def boxes(markers: np.ndarray, seen: View) -> list[LabelBox]:
+        return label_boxes(markers, names=names, view=seen, radius_m=0.01)
+
+    first, second, third = boxes(places, view.fitted_to(shown))
+    assert first.meets(second)
+    assert not first.meets(third)
+    markers, fitted = spread_markers(
+        places, names=names, shown_world=shown, view=view, radius_m=0.01
+    )
+    first, second, third = boxes(markers, fitted)
+    assert not (first.meets(second))
+    assert not (first.meets(third))
+    assert not (second.meets(third))
+    assert_array_equal(markers[:, :2], places[:, :2])
+    assert_array_equal(markers[2], places[2])
+    assert (markers[:, 2] >= places[:, 2]).all()
+    for box in (first, second, third):
+        assert 0 <= box.top < box.bottom <= 480
+
+
+def test_a_marker_stands_clear_of_its_object() -> None:
+    (cloud,) = BLOCK.tracked
+    points = cloud.observed_world.astype(np.float64)
+    place = marker_place(cloud)
+    assert_array_equal(place[:2], cloud.centroid_world[:2])
+    # 3 cm and 0.35 of 10 cm over its highest point.
+    assert place[2] == pytest.approx(points[:, 2].max() + 0.03 + 0.035)
