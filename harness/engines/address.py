@@ -17,8 +17,8 @@ AUTO = "auto"
 CLIENT = "ray://"
 """Start of an address that is reached through Ray's client."""
 
-CONNECT_S = 5.0
-PROBE_S = 10.0
+CONNECT_S = 3.0
+PROBE_S = 12.0
 
 _PROBE = (
     "import logging, sys, ray; "

@@ -161,7 +161,9 @@ class Attempt(Generic[JobT]):
     job: JobT
     number: int = 1
 
-    def after_death(self, *, reason: str, where: str) -> tuple[Attempt[JobT] | None, Any]:
+    def after_death(
+        self, *, reason: str, where: str
+    ) -> tuple[Attempt[JobT] | None, WorkerDied[JobT] | SceneFailed[JobT]]:
         """Return the next attempt, if there is one, and what to tell."""
         if self.number < ATTEMPTS:
             return Attempt(self.job, self.number + 1), WorkerDied(self.job, reason, where)

@@ -26,7 +26,7 @@ QUIET = {
     "RAY_DISABLE_MEMORY_MONITOR": "1",
 }
 MEMORY = ("--object-store-memory=80000000",)
-START_S = 30.0
+START_S = 60.0
 
 
 class Node:

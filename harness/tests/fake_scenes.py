@@ -125,8 +125,10 @@ def _disturb(order: Path) -> None:
         raise RuntimeError(f"no such luck\nin {order.name}")
     elif words[0] == "sleep":
         time.sleep(60)
-    elif words[0] == "nap":
-        time.sleep(0.5)
+    elif words[0] == "wait":
+        deadline = time.monotonic() + 60
+        while order.exists() and time.monotonic() < deadline:
+            time.sleep(0.02)
 
 
 def begun(orders: Path) -> list[tuple[int, str]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 import pytest
@@ -147,40 +148,44 @@ def test_ctrl_c_cancels_the_tasks_and_keeps_what_is_finished(
     assert stable_bytes(folder) == undisturbed
 
 
-class Killer(SilentProgress):
-    """Kills a node in the middle of a scene, once."""
-
-    def __init__(self, node: Node, orders: Path) -> None:
-        self._node, self._orders = node, orders
-        self.killed_at: set[str] = set()
+class Notes(SilentProgress):
+    def __init__(self) -> None:
         self.notes: list[str] = []
-        self._done: set[str] = set()
-
-    def scene_done(self, scene_id: str, seconds: float) -> None:
-        self._done.add(scene_id)
-        here = self._node.processes()
-        at_work = {scene for pid, scene in begun(self._orders) if pid in here} - self._done
-        if at_work and not self.killed_at:
-            self.killed_at = at_work
-            self._node.kill()
 
     def note(self, text: str) -> None:
         self.notes.append(text)
 
 
+def kill_at_work(node: Node, orders: Path) -> str:
+    """Kill a node once it has begun a scene; returns which. The scenes wait for that."""
+    deadline = time.monotonic() + 60
+    while True:
+        here = node.processes()
+        if at_work := [scene for pid, scene in begun(orders) if pid in here]:
+            break
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    node.kill()
+    for order in orders.glob("*-*"):
+        order.unlink()
+    return at_work[0]
+
+
 def test_a_node_that_dies_in_the_middle_of_a_run_changes_no_byte(
     cluster: FakeCluster, tmp_path: Path, undisturbed: dict[str, bytes]
 ) -> None:
+    (cluster.orders / "begun").touch()
     for category in ("mug", "bowl"):
         for index in range(SCENES):
-            (cluster.orders / f"{category}-{index:04d}").write_text("nap", encoding="utf-8")
-    killer = Killer(cluster.nodes[-1], cluster.orders)
-    folder = tmp_path / "run"
+            (cluster.orders / f"{category}-{index:04d}").write_text("wait", encoding="utf-8")
+    folder, progress = tmp_path / "run", Notes()
     options = BenchOptions(scenes=SCENES, out=folder, engine="ray", address=cluster.address)
-    result = run_bench(options, progress=killer, wiring=WIRING)
+    with ThreadPoolExecutor(1) as killer:
+        killed = killer.submit(kill_at_work, cluster.nodes[-1], cluster.orders)
+        result = run_bench(options, progress=progress, wiring=WIRING)
+        scene = killed.result()
     assert result.failures == {}
-    (scene,) = killer.killed_at
-    assert any(f" at {scene}; trying it once more" in note for note in killer.notes)
+    assert any(f" at {scene}; trying it once more" in note for note in progress.notes)
     assert [name for _, name in begun(cluster.orders)].count(scene) == 2
     assert stable_bytes(folder) == undisturbed
     cluster.add_node()
