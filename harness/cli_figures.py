@@ -74,5 +74,6 @@ def figures(
     for skipped in result.skipped:
         print_line(f"{skipped.name} is left out: {skipped.why}")
     kinds = "PNG" if web else "PDF and PNG"
-    print_line(f"{len(result.drawn)} figures as {kinds} in {result.out}")
+    count = "1 figure" if len(result.drawn) == 1 else f"{len(result.drawn)} figures"
+    print_line(f"{count} as {kinds} in {result.out}")
     return EXIT_OK

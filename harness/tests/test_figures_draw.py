@@ -12,7 +12,7 @@ from harness.cli_figures import commands
 from harness.errors import InputError
 from harness.figures import panels
 from harness.figures.draw import NAMES, FigureOptions, draw_figures
-from harness.figures.style import DPI, TWO_COLUMNS_IN
+from harness.figures.style import ONE_COLUMN_IN, TWO_COLUMNS_IN, WEB_DPI
 from harness.tests.fake_html_report import write_run
 from harness.tests.test_figures_charts import ablation, over_views
 
@@ -39,24 +39,19 @@ def coarse_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_every_figure_is_written_and_what_lacks_data_is_named(run: Path, tmp_path: Path) -> None:
     seen: list[str] = []
-    result = draw_figures(
-        FigureOptions(run=run, out=tmp_path / "new" / "out"), progress=seen.append
-    )
+    out = tmp_path / "new" / "out"
+    result = draw_figures(FigureOptions(run=run, out=out, web=True), progress=seen.append)
     drawn = [figure.name for figure in result.drawn]
     assert drawn == [name for name in NAMES if name not in ("tolerance", "ablation")]
     assert [(item.name, item.why) for item in result.skipped] == [
         ("tolerance", "the run was scored at one tolerance alone")
     ]
     assert seen == [*drawn, "tolerance"]
-    assert sorted(path.name for path in result.out.iterdir()) == sorted(
-        f"{name}.{kind}" for name in drawn for kind in ("pdf", "png")
-    )
+    assert {path.name for path in result.out.iterdir()} == {f"{name}.png" for name in drawn}
     for figure in result.drawn:
-        pdf, png = figure.files
-        assert pdf.read_bytes().startswith(b"%PDF-")
-        assert b"/Type3" not in pdf.read_bytes()
-        with Image.open(png) as image:
-            assert image.width in (round(TWO_COLUMNS_IN * DPI), 3.5 * DPI)
+        (path,) = figure.files
+        with Image.open(path) as image:
+            assert image.width / WEB_DPI in (TWO_COLUMNS_IN, ONE_COLUMN_IN)
     fig1 = result.drawn[0]
     assert fig1.caption.startswith("mug-0002 and bowl-0001, each the median scene of its class")
 
@@ -70,6 +65,8 @@ def test_the_same_run_gives_the_same_bytes(
         for name in "ab"
     )
     for ours, theirs in zip(first.drawn, second.drawn, strict=True):
+        kinds = [path.suffix for path in ours.files]
+        assert kinds == ([".png"] if web else [".pdf", ".png"])
         for one, other in zip(ours.files, theirs.files, strict=True):
             assert one.read_bytes() == other.read_bytes()
 
@@ -132,12 +129,10 @@ def test_command_says_what_it_drew(run: Path, tmp_path: Path) -> None:
     assert lines[0].startswith("table3: means over 11 scenes")
     assert lines[1:] == [
         "tolerance is left out: the run was scored at one tolerance alone",
-        f"1 figures as PNG in {tmp_path}",
+        f"1 figure as PNG in {tmp_path}",
     ]
     machine = CliRunner().invoke(app, [*arguments, "--json"])
     found = json.loads(machine.stdout)
     assert [item["name"] for item in found["drawn"]] == ["table3"]
-    assert found["drawn"][0]["files"] == [
-        str(tmp_path / f"table3.{kind}") for kind in ("pdf", "png")
-    ]
+    assert found["drawn"][0]["files"] == [str(tmp_path / "table3.png")]
     assert found["skipped"][0]["name"] == "tolerance"
