@@ -14,7 +14,8 @@ hundredth more depth noise and 10 fewer training points. Three kinds of revision
 Into each of them a loss of precision is planted: answers of one model are flipped, point by point
 at random, so that the precision of every scene falls by 2 points in the mean. True negatives become
 false positives, or true positives where too few negatives are there. Precision, recall and accuracy
-follow; the other metrics stay as they are, which makes the loss harder to find.
+follow; the other metrics stay as they are, which makes the loss harder to find. An uneven loss is
+one of 4 points in half of the objects, drawn anew each time.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from harness.bench import QUICK_SCENES
 from harness.errors import InputError
 from harness.gate.acceptance import reported
 from harness.gate.losses import judge_losses
-from harness.gate.pairs import Paired, pair_runs
+from harness.gate.pairs import Paired, pair_runs, pools
 from harness.protocol import test_set_of
 from harness.results import finished_run
 from harness.runs.records import read_records
@@ -137,6 +138,7 @@ def simulate(
     scenes_per_class: int,
     repeats: int,
     models: Sequence[str] | None = None,
+    uneven: bool = False,
 ) -> int:
     """Count the revisions of a kind that fail.
 
@@ -148,6 +150,8 @@ def simulate(
         The first of each class.
     models
         Judge these alone; by default all.
+    uneven
+        Half of the objects lose twice as much, the others nothing.
     """
     random = np.random.default_rng(SEED)
     paired = study.paired
@@ -162,6 +166,11 @@ def simulate(
         noise = noise * 0.0
     _, member = np.unique(paired.objects[some], return_inverse=True)
     classes = np.array([str(name).rsplit("-", 1)[0] for name in paired.scene_ids[some]])
+    families = pools(rows)
+    limits_of = [
+        margins,
+        *(np.array([pool.metric.margin for pool in pooled]) for pooled in families),
+    ]
     place_of = {(row.cell, row.metric.key): place for place, row in enumerate(rows)}
     defined = np.isfinite(noise)
     sums = np.where(defined, noise, 0.0).sum(axis=1, keepdims=True)
@@ -175,12 +184,23 @@ def simulate(
         if kind == "centred":
             losses -= middle
             chosen, objects = draw_objects(member, classes=classes, random=random)
+        hit = np.ones(some.size)
+        if uneven:
+            hit = (random.permutation(member.max() + 1) % 2 == 0)[member].astype(np.float64)
         for cell in planted:
-            found = planted_losses(study.counts[cell], loss=POINTS_LOST, random=random)
+            loss = POINTS_LOST * (2 if uneven else 1)
+            found = planted_losses(study.counts[cell], loss=loss, random=random)
             for key, values in zip(COUNTED, found, strict=True):
-                losses[place_of[cell, key]] += values[some]
-        tests = judge_losses(losses[:, chosen], objects=objects, margins=margins)
-        failed += bool(tests.worse.any())
+                losses[place_of[cell, key]] += values[some] * hit
+        losses = losses[:, chosen]
+        tested = [
+            losses,
+            *(np.stack([pool.mean(losses) for pool in pooled]) for pooled in families),
+        ]
+        failed += any(
+            judge_losses(values, objects=objects, margins=limits).worse.any()
+            for values, limits in zip(tested, limits_of, strict=True)
+        )
     return failed
 
 
@@ -240,18 +260,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(f"\n| planted | {' | '.join(f'{kind} | quick' for kind in kinds)} |")
     print(f"|---|{'--:|' * 2 * len(kinds)}")
     sound = [model for model in models if model != "metric_literal"]
-    lines: list[tuple[str, list[Cell], Sequence[str] | None]] = [
-        ("nothing", [], None),
-        ("nothing, metric_literal not judged", [], sound),
+    lines: list[tuple[str, list[Cell], Sequence[str] | None, bool]] = [
+        ("nothing", [], None, False),
+        ("nothing, metric_literal not judged", [], sound, False),
     ]
+    for uneven, how in ((False, "all cells"), (True, "all cells, uneven")):
+        lines += [
+            (f"{model}, {how}", [cell for cell in cells if cell.model == model], None, uneven)
+            for model in models
+        ]
     lines += [
-        (f"{model}, all cells", [cell for cell in cells if cell.model == model], None)
-        for model in models
+        (f"{cell.category} {cell.test_set} {cell.model} alone", [cell], None, False)
+        for cell in cells
     ]
-    lines += [
-        (f"{cell.category} {cell.test_set} {cell.model} alone", [cell], None) for cell in cells
-    ]
-    for name, planted, judged in lines:
+    for name, planted, judged, uneven in lines:
         entries = [
             share(
                 simulate(
@@ -261,6 +283,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                     scenes_per_class=size,
                     repeats=options.repeats,
                     models=judged,
+                    uneven=uneven,
                 ),
                 options.repeats,
             )

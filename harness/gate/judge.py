@@ -80,7 +80,7 @@ class Quality:
     Attributes
     ----------
     rows
-        One for each cell and metric.
+        One for each cell and metric, then those over several cells.
     lost
         What the baseline has and the run has not.
     scenes
@@ -104,16 +104,23 @@ class Quality:
 
 def judge_quality(paired: Paired) -> Quality:
     """Judge two runs that were laid side by side."""
-    if not paired.rows:
-        return Quality(rows=[], lost=paired.lost, scenes=paired.scene_ids.size)
-    losses = np.stack([row.losses for row in paired.rows])
-    margins = np.array([row.metric.margin for row in paired.rows])
-    tests = judge_losses(losses, objects=paired.objects, margins=margins)
     return Quality(
-        rows=[_judgement(row, tests, index, paired) for index, row in enumerate(paired.rows)],
+        rows=[
+            row for family in (paired.rows, *paired.pooled) for row in _judge_family(family, paired)
+        ],
         lost=paired.lost,
         scenes=paired.scene_ids.size,
     )
+
+
+def _judge_family(rows: Sequence[Rows], paired: Paired) -> list[Judgement]:
+    """Judge rows in one family of tests."""
+    if not rows:
+        return []
+    losses = np.stack([row.losses for row in rows])
+    margins = np.array([row.metric.margin for row in rows])
+    tests = judge_losses(losses, objects=paired.objects, margins=margins)
+    return [_judgement(row, tests, index, paired) for index, row in enumerate(rows)]
 
 
 def _judgement(row: Rows, tests: LossTests, index: int, paired: Paired) -> Judgement:

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 Key = tuple[str, str, str]
 """Scene, test set and model: what a record of the reported tolerance is of."""
 
+ALL = "all"
+"""Class, or test set, of a row over several cells."""
+
 
 @dataclass(frozen=True, order=True)
 class Cell:
@@ -62,6 +65,47 @@ class Rows:
 
 
 @dataclass(frozen=True)
+class Pool:
+    """Rows that are judged together: those of a model and metric over several cells.
+
+    Attributes
+    ----------
+    members
+        Their places among the rows of single cells.
+    """
+
+    cell: Cell
+    metric: Gated
+    members: Sequence[int]
+
+    def mean(self, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Mean of each scene (scenes,) over the members among all rows' values (rows, scenes)."""
+        some = values[list(self.members)]
+        defined = ~np.isnan(some)
+        with np.errstate(invalid="ignore"):
+            return np.asarray(np.where(defined, some, 0.0).sum(axis=0) / defined.sum(axis=0))
+
+
+def pools(rows: Sequence[Rows]) -> list[list[Pool]]:
+    """List what is judged over several cells, by family: each test set's classes, and all."""
+    members: defaultdict[tuple[Cell, Gated], list[int]] = defaultdict(list)
+    for index, row in enumerate(rows):
+        for test_set in (row.cell.test_set, ALL):
+            members[Cell(ALL, test_set, row.cell.model), row.metric].append(index)
+    sets = len({row.cell.test_set for row in rows})
+    found = [
+        Pool(cell, metric, places)
+        for (cell, metric), places in sorted(members.items(), key=lambda item: item[0][0])
+        if len(places) > 1
+    ]
+    # With one test set, a model's rows over all cells are those over its classes.
+    families = [
+        [pool for pool in found if (pool.cell.test_set == ALL) == over] for over in (False, True)
+    ]
+    return [family for family in families[:sets] if family]
+
+
+@dataclass(frozen=True)
 class Lost:
     """What the baseline has of a scene and the run has not.
 
@@ -91,6 +135,8 @@ class Paired:
         The baseline's scenes that are judged.
     rows
         One for each cell and metric.
+    pooled
+        One for each of the rows' `pools`, by family.
     lost
         In the order of the scenes.
     """
@@ -98,6 +144,7 @@ class Paired:
     scene_ids: npt.NDArray[np.str_]
     objects: npt.NDArray[np.str_]
     rows: Sequence[Rows]
+    pooled: Sequence[Sequence[Rows]]
     lost: Sequence[Lost]
 
 
@@ -147,8 +194,19 @@ def pair_runs(baseline: Sequence[Record], now: Sequence[Record], *, names: str) 
         scene_ids=np.array(scene_ids, dtype=np.str_),
         objects=np.array([owner[scene_id] for scene_id in scene_ids], dtype=np.str_),
         rows=rows,
+        pooled=_pooled(rows),
         lost=_losses(before, after),
     )
+
+
+def _pooled(rows: Sequence[Rows]) -> list[list[Rows]]:
+    if not rows:
+        return []
+    before, after = (np.stack([getattr(row, side) for row in rows]) for side in ("baseline", "now"))
+    return [
+        [Rows(pool.cell, pool.metric, pool.mean(before), pool.mean(after)) for pool in family]
+        for family in pools(rows)
+    ]
 
 
 def _key(record: Record) -> Key:

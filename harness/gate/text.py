@@ -141,10 +141,11 @@ def _about(result: GateResult, shown: int) -> str:
     counts = {name: sum(row.verdict == name for row in rows) for name in _STYLES}
     text = (
         f"Differences [95 %] are paired by scene, by objects; {UNDEFINED} is undefined. A row is "
-        f"worse where its loss is surely beyond the margin (Benjamini-Hochberg over {len(rows)} "
-        f"rows, {LEVEL:.0%}); detectable: the least true loss that is found 4 times in 5. Rows of "
-        f"fewer than {LEAST_OBJECTS} objects are not judged ({counts['unjudged']} here); "
-        f"{counts['unsure']} lose more than the margin within noise."
+        f"worse where its loss is surely beyond the margin (Benjamini-Hochberg at {LEVEL:.0%}; "
+        "rows of single cells, of all classes and of all cells are each a family); detectable: the "
+        f"least true loss that is found 4 times in 5. Rows of fewer than {LEAST_OBJECTS} objects "
+        f"are not judged ({counts['unjudged']} here); {counts['unsure']} lose more than the margin "
+        "within noise."
     )
     return text + (f" {more} further rows: --all." if more else "")
 

@@ -69,6 +69,37 @@ def test_points_of_another_completer_stand_beside_those_of_the_baselines() -> No
     np.testing.assert_allclose(row(pair(before, after), "precision", test_set="completed"), [0.1])
 
 
+def test_cells_are_judged_together_too() -> None:
+    sets = [("metric", "none"), ("metric", "cloud")]
+    before = [
+        replace(scene(i, model=m, completion=c), precision=0.9) for i in (0, 1) for m, c in sets
+    ]
+    before += [replace(row, category="bowl", scene_id=f"bowl{row.scene_id[3:]}") for row in before]
+    after = [
+        replace(row, precision=0.8)
+        if (row.category, row.completion) == ("mug", "none")
+        else replace(row, precision=0.6)
+        if (row.scene_id, row.completion) == ("bowl-0001", "cloud")
+        else row
+        for row in before
+        if (row.scene_id, row.completion) != ("mug-0001", "cloud")
+    ]
+    paired = pair(before, after)
+    by_set, over_all = (
+        {row.cell.test_set: row.losses for row in family if row.metric.key == "precision"}
+        for family in paired.pooled
+    )
+    assert paired.scene_ids.tolist() == ["bowl-0000", "bowl-0001", "mug-0000", "mug-0001"]
+    np.testing.assert_allclose(by_set["box"], [0.0, 0.0, 0.1, 0.1], atol=1e-12)
+    np.testing.assert_allclose(by_set["completed"], [0.0, 0.3, 0.0, np.nan], atol=1e-12)
+    # A scene's mean over its test sets, as far as they are there.
+    np.testing.assert_allclose(over_all["all"], [0.0, 0.15, 0.05, 0.1], atol=1e-12)
+
+
+def test_one_class_and_one_test_set_have_nothing_to_be_judged_together() -> None:
+    assert pair([scene(0)], [scene(0)]).pooled == []
+
+
 def test_what_is_lost_is_named_once_for_each_scene() -> None:
     sets = [("metric", "none"), ("classic", "none"), ("metric", "cloud"), ("classic", "cloud")]
     before = [scene(i, model=m, completion=c) for i in range(4) for m, c in sets]

@@ -89,7 +89,7 @@ def test_two_points_of_one_models_precision_fail(baseline: Path, run: Path, tmp_
     result = judge(baseline, bad)
     assert not result.passed
     found = {(row.cell.category, row.cell.model, row.metric) for row in result.quality.worse}
-    assert found == {("mug", "metric", "precision"), ("bowl", "metric", "precision")}
+    assert found == {(name, "metric", "precision") for name in ("mug", "bowl", "all")}
     row = result.quality.worse[0]
     assert row.difference == pytest.approx(-0.02)
     assert [item.loss for item in row.worst] == pytest.approx([0.02] * 3)
@@ -97,10 +97,23 @@ def test_two_points_of_one_models_precision_fail(baseline: Path, run: Path, tmp_
     assert "Worse than the baseline" in text
     assert "mug box metric, precision: loses most in mug-0000 (0.020), mug-0001 (0.020)" in text
     assert text.splitlines()[-1].startswith("FAIL: ")
-    assert text.endswith(": 2 of 28 rows worse")
+    assert text.endswith(": 3 of 42 rows worse")
     # Half a margin is let pass.
     fair = copied(run, tmp_path / "fair", records=lambda row: worse(row, by=0.001))
     assert judge(baseline, fair).passed
+
+
+def test_a_loss_in_some_objects_of_each_class_is_found_in_all_together(
+    baseline: Path, run: Path, tmp_path: Path
+) -> None:
+    def uneven(row: Record) -> Record:
+        return worse(row, by=0.04) if int(row.object_name[-1]) % 2 else row
+
+    result = judge(baseline, copied(run, tmp_path / "uneven", records=uneven))
+    (row,) = result.quality.worse
+    assert (row.cell.category, row.cell.test_set, row.objects) == ("all", "box", 16)
+    lost = {item.scene_id: item.loss for item in row.worst}
+    assert list(lost.values()) == pytest.approx([0.04] * 3)
 
 
 def test_quick_judges_the_first_scenes_alone(baseline: Path, run: Path, tmp_path: Path) -> None:
@@ -348,7 +361,7 @@ def test_the_command_says_so_and_exits_so(
     assert "AUROC" in out
     code, out = harness("gate", "--against", baseline, "--run", bad, "--json")
     told = json.loads(out)
-    assert (code, told["passed"], len(told["quality"]["rows"])) == (1, False, 28)
+    assert (code, told["passed"], len(told["quality"]["rows"])) == (1, False, 42)
     assert told["quality"]["rows"][0].keys() >= {"cell", "difference", "verdict", "worst"}
 
 
