@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.ticker import EngFormatter
 
 from harness.calibration import BINS, reliability
 from harness.figures.charts import chart_grid, is_first, model_legend, panel_blocks
@@ -103,6 +104,8 @@ def _finish(diagram: Axes, counts: Axes, *, named: bool) -> None:
     diagram.set_ylim(0, 100)
     counts.set_yscale("log")
     counts.set_ylim(bottom=0.8)
+    # Powers would be smaller than the smallest text.
+    counts.yaxis.set_major_formatter(EngFormatter(sep=""))
     counts.set_xlabel("confidence (%)")
     for axes in (diagram, counts):
         axes.set_xlim(0, 100)

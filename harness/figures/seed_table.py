@@ -80,7 +80,8 @@ def draw_seed_table(source: RunSource) -> tuple[Figure, str]:
     return figure, (
         f"means over {scenes} scenes with 95 % bootstrap intervals over objects; TP to FN as "
         f"shares of the test points; on the mesh within {1000 * source.tolerance_m:g} mm; crosses: "
-        "the seed's Table III, whose metric model stands beside both of ours"
+        "the seed's Table III, of other scenes and another completer; its metric model stands "
+        "beside both of ours"
     )
 
 
@@ -103,7 +104,7 @@ def _draw_line(axes: Axes, source: RunSource, line: Line, column: Column, *, pla
             [found.low, found.high],
             [place, place],
             color=style.colour,
-            linewidth=1.6,
+            linewidth=1.2,
             solid_capstyle="butt",
         )
     if found.mean is not None:
