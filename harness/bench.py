@@ -40,7 +40,7 @@ class BenchOptions:
         Take `QUICK_SCENES` scenes of each class.
     scenes, seed, workers, objects
         Take the place of the configuration's ``run.scenes``, ``run.seed``, ``run.workers`` and
-        ``scenes.objects``.
+        ``scenes.objects``. On Ray `workers` is the most tasks at a time.
     cluttered
         Put other objects around the targets, whatever the configuration says.
     out

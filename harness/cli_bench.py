@@ -62,7 +62,10 @@ def bench(
     ] = None,
     workers: Annotated[
         int | None,
-        number_option("Worker processes, by default one per core; no result depends on it."),
+        number_option(
+            "Worker processes, by default one per core; on Ray most tasks at a time, by default "
+            "as many as it has work for. No result depends on it."
+        ),
     ] = None,
     objects: Annotated[
         Path | None,
