@@ -29,7 +29,7 @@ commands = typer.Typer()
 def figures(
     run: Annotated[
         Path | None,
-        typer.Argument(metavar="[RUN]", help="A finished run; the newest in results by default."),
+        typer.Argument(metavar="RUN", help="A finished run; the newest in results by default."),
     ] = None,
     *,
     out: Annotated[

@@ -1,1 +1,1 @@
-"""Figures, each a module that draws one from a file of results."""
+"""Figures for print, from recorded data alone: `draw` has those of runs and ablations."""
