@@ -63,8 +63,8 @@ def bench(
     workers: Annotated[
         int | None,
         number_option(
-            "Worker processes, by default one per core; on Ray most tasks at a time, by default "
-            "as many as it has work for. No result depends on it."
+            "Worker processes of one thread each, by default one per core; on Ray most tasks at "
+            "a time, by default as many as keep it busy. No result depends on it."
         ),
     ] = None,
     objects: Annotated[

@@ -53,21 +53,20 @@ class LocalEngine:
     ----------
     workers
         Number of processes, by default one per core; never more than there are jobs.
-    cores
-        Cores to share among them, by default all: each may start ``cores // workers`` threads,
-        one at least.
+    threads
+        Of each. One by default, as a task of a cluster has: so many workers take so many cores,
+        and parts of a job that are not threaded leave none idle.
     """
 
     workers: int | None = None
-    cores: int | None = None
+    threads: int = 1
 
     def run(
         self, work: Work[Result], jobs: Sequence[JobT], *, logs: Path
     ) -> Generator[Event[JobT, Result]]:
         """See `Engine`; closing the iterator kills the workers."""
-        cores = self.cores or core_count()
-        workers = min(self.workers or cores, len(jobs))
-        crew = _Crew(target=work.target, threads=max(1, cores // max(1, workers)), logs=logs)
+        workers = min(self.workers or core_count(), len(jobs))
+        crew = _Crew(target=work.target, threads=self.threads, logs=logs)
         waiting = deque(Attempt(job) for job in jobs)
         busy: dict[Connection, tuple[_Worker, Attempt[JobT]]] = {}
         try:

@@ -23,7 +23,7 @@ from harness.engines.engine import SceneDone, SceneFailed, Work
 from harness.engines.local import LocalEngine
 from harness.errors import InputError
 from harness.runs.atomic import write_text
-from harness.runs.manifest import core_count, describe_session
+from harness.runs.manifest import describe_session
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -170,7 +170,7 @@ def measure(*, workers: int) -> list[float]:
     """Time the workload in so many processes at once; seconds of all repeats."""
     seconds: list[float] = []
     with tempfile.TemporaryDirectory() as logs:
-        engine = LocalEngine(workers=workers, cores=core_count())
+        engine = LocalEngine(workers=workers)
         jobs = [_Job(f"calibration-{index}") for index in range(workers)]
         events = engine.run(Work(target=_TARGET, result_type=Ticks), jobs, logs=Path(logs))
         with closing(events):

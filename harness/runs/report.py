@@ -48,7 +48,7 @@ def measure_scenes(
     logs: Path,
     progress: Progress,
     workers: int | None = None,
-    cores: int | None = None,
+    threads: int = 1,
 ) -> tuple[list[Rows], dict[str, str]]:
     """Measure scenes on workers; returns their rows, and why others failed, by scene id.
 
@@ -64,13 +64,13 @@ def measure_scenes(
         Hears of every scene.
     workers
         Processes; by default one per core.
-    cores
-        To share among them; by default all.
+    threads
+        Of each of them.
     """
     if not jobs:
         return [], {}
     logs.mkdir(parents=True, exist_ok=True)
-    engine = LocalEngine(workers=workers, cores=cores)
+    engine = LocalEngine(workers=workers, threads=threads)
     work = Work(target=target, result_type=result_type, arguments=arguments)
     rows: list[Rows] = []
     failures: dict[str, str] = {}

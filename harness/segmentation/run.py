@@ -157,7 +157,7 @@ def run_report(
             arguments=(config, plan),
             result_type=TimedScene,
             workers=1,
-            cores=TIMING_THREADS,
+            threads=TIMING_THREADS,
             logs=folder / "logs" / "timing",
             progress=progress,
         )

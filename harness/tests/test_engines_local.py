@@ -43,12 +43,12 @@ def compute(
     *,
     function: str = "run_scene",
     workers: int = 2,
-    cores: int = 2,
+    threads: int = 1,
 ) -> Generator[SceneEvent]:
     logs = folder / "logs"
     logs.mkdir(exist_ok=True)
     work = Work(f"{fake_scenes.__name__}:{function}", SceneResult, (Config(),))
-    return LocalEngine(workers=workers, cores=cores).run(work, jobs, logs=logs)
+    return LocalEngine(workers=workers, threads=threads).run(work, jobs, logs=logs)
 
 
 def test_every_job_is_computed_once_on_as_many_processes_as_asked(
@@ -121,9 +121,12 @@ def test_a_function_that_cannot_be_imported_stops_the_run(tmp_path: Path) -> Non
         list(compute(JOBS, tmp_path, function="no_such_function"))
 
 
-def test_cores_are_shared_among_the_workers(tmp_path: Path) -> None:
-    for workers, cores, threads in ((2, 6, 3), (3, 2, 1), (3, 6, 3)):
-        events = compute(JOBS[:2], tmp_path, function="thread_limits", workers=workers, cores=cores)
+@pytest.mark.parametrize("threads", [1, 3])
+def test_a_workers_threads_do_not_depend_on_their_number(tmp_path: Path, threads: int) -> None:
+    for workers in (1, 2):
+        events = compute(
+            JOBS[:2], tmp_path, function="thread_limits", workers=workers, threads=threads
+        )
         limits = {event.failure for event in events if isinstance(event, SceneFailed)}
         assert limits == {f"RuntimeError: {threads} {threads}"}
 
