@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING
 
 from harness.errors import InputError
@@ -134,7 +135,8 @@ def draw_figures(
     write = write_web_figure if options.web else write_figure
     drawn: list[DrawnFigure] = []
     skipped: list[SkippedFigure] = []
-    for name, draw in _drawings(names, source, options.ablations):
+    # What is bad input is found before the first figure is drawn.
+    for name, draw in list(_drawings(names, source, options.ablations)):
         if progress is not None:
             progress(name)
         try:
@@ -167,7 +169,7 @@ def _drawings(
     """Yield what to draw, with the name of its file."""
     for name in names:
         if name in OF_RUN and source is not None:
-            yield name, _bind(OF_RUN[name], source)
+            yield name, partial(OF_RUN[name], source)
     if ABLATION not in names:
         return
     taken: set[str] = set()
@@ -180,21 +182,14 @@ def _drawings(
             )
         taken.add(stem)
         if not sweeps:
-            yield stem, _nothing(f"{folder} varies nothing: no axis has two steps")
+            yield stem, partial(_skip, f"{folder} varies nothing: no axis has two steps")
         for axis, sweep in sweeps.items():
             name = stem if len(sweeps) == 1 else f"{stem}-{axis}"
-            yield name, lambda sweep=sweep: draw_sweep(sweep)  # type: ignore[misc]
+            yield name, partial(draw_sweep, sweep)
 
 
-def _bind(draw: Callable[[RunSource], Drawing], source: RunSource) -> Callable[[], Drawing]:
-    return lambda: draw(source)
-
-
-def _nothing(why: str) -> Callable[[], Drawing]:
-    def draw() -> Drawing:
-        raise NothingToDrawError(why)
-
-    return draw
+def _skip(why: str) -> Drawing:
+    raise NothingToDrawError(why)
 
 
 def _make(out: Path) -> None:

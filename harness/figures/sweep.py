@@ -11,7 +11,7 @@ import polars as pl
 
 from harness.config import RunSection
 from harness.errors import InputError
-from harness.figures.charts import COLUMNS, model_legend
+from harness.figures.charts import chart_grid, is_first, model_legend, panel_blocks
 from harness.figures.source import BOX, Cell, NothingToDrawError, order_models
 from harness.figures.style import TWO_COLUMNS_IN, model_style, new_figure, plain
 from harness.statistics import mean_estimate
@@ -130,7 +130,7 @@ def read_sweeps(ablation: Path) -> dict[str, Sweep]:
     Returns
     -------
     sweeps
-        By the axis' last name; axes of one step are left out.
+        By the axis' last name, or its whole one if two share that; axes of one step are left out.
 
     Raises
     ------
@@ -152,22 +152,31 @@ def read_sweeps(ablation: Path) -> dict[str, Sweep]:
     axes = [name for name in frame.columns if name.startswith(AXIS)]
     if not axes:
         raise InputError(f"{path} has no column '{AXIS}KEY' for what was varied; {remedy}")
+    if empty := [name for name in axes if frame[name].null_count()]:
+        raise InputError(f"{path} leaves '{empty[0]}' empty in a cell; {remedy}")
     frame = frame.sort("cell", maintain_order=True)
     first = frame.head(1)
     sweeps = {}
     for axis in axes:
         others = [name for name in axes if name != axis]
-        own = frame.filter(pl.col("status") == "ok", *(pl.col(n) == first[n][0] for n in others))
-        own = own.rename({axis: "step"})
+        kept = [pl.col(name) == first[name][0] for name in others]
+        own = frame.filter(pl.col("status") == "ok", *kept).rename({axis: "step"})
         if own["step"].dtype == pl.Boolean:
             own = own.with_columns(pl.col("step").replace_strict({True: "on", False: "off"}))
         elif not own["step"].dtype.is_numeric():
             own = own.with_columns(pl.col("step").cast(pl.String))
         if own["step"].n_unique() < 2:
             continue
-        held = ", ".join(f"{n.rpartition('.')[2]} {first[n][0]}" for n in others)
-        sweeps[axis.rpartition(".")[2]] = Sweep(key=axis.removeprefix(AXIS), frame=own, held=held)
+        held = ", ".join(f"{_short(name)} {first[name][0]}" for name in others)
+        name = _short(axis)
+        if sum(_short(other) == name for other in axes) > 1:
+            name = axis.removeprefix(AXIS)
+        sweeps[name] = Sweep(key=axis.removeprefix(AXIS), frame=own, held=held)
     return sweeps
+
+
+def _short(axis: str) -> str:
+    return axis.rpartition(".")[2]
 
 
 def draw_sweep(
@@ -184,33 +193,31 @@ def draw_sweep(
     """
     panels = sweep_panels(sweep, classes=classes)
     models = order_models(set(sweep.frame["model"]))
-    shown = panels[:COLUMNS]
-    figure = new_figure(width_in=TWO_COLUMNS_IN, height_in=0.55 + 1.15 * len(METRICS))
     places = _dodged(sweep, models)
-    grid = figure.subplots(len(METRICS), len(shown), squeeze=False, sharex="col", sharey="row")
-    for column, (title, frame) in enumerate(shown):
-        for row, (metric, name) in enumerate(METRICS.items()):
-            axes = grid[row][column]
+    rows = len(panel_blocks(len(panels)))
+    figure = new_figure(
+        width_in=TWO_COLUMNS_IN, height_in=0.25 + (0.3 + 1.15 * len(METRICS)) * rows
+    )
+    by_metric: dict[str, list[Axes]] = {metric: [] for metric in METRICS}
+    for panel, charts in chart_grid(figure, panels=len(panels), charts=len(METRICS)):
+        title, frame = panels[panel]
+        charts[0].set_title(title)
+        for axes, (metric, name) in zip(charts, METRICS.items(), strict=True):
+            by_metric[metric].append(axes)
             for model in models:
                 own = frame.filter(pl.col("model") == model)
                 means = step_means(own, metric=metric, steps=sweep.steps, seed=sweep.seed)
                 _draw_curve(axes, places[model], means, style=model_style(model))
-            if metric in LOGARITHMIC:
-                axes.set_yscale("symlog", linthresh=LINEAR_BELOW, linscale=0.5)
-                axes.set_ylim(bottom=0)
-                axes.set_yticks([0, 0.001, 0.01, 0.1, 1], ["0", "0.001", "0.01", "0.1", "1"])
-                axes.minorticks_off()
-            if column == 0:
+            _finish(axes, sweep, bottom=axes is charts[-1])
+            if is_first(panel, panels=len(panels)):
                 axes.set_ylabel(name)
-        grid[0][column].set_title(title)
-        _finish(grid[-1][column], sweep)
+    for metric, charts in by_metric.items():
+        _share_scale(charts, logarithmic=metric in LOGARITHMIC)
     model_legend(figure, models)
-    left_out = len(panels) - len(shown)
     return figure, (
         "means over scenes with 95 % intervals over "
         f"{sweep.frame['object_name'].n_unique()} objects; AURC: less is better"
         + (f"; {sweep.held}" if sweep.held else "")
-        + (f"; {left_out} more panels are not drawn" if left_out else "")
     )
 
 
@@ -295,7 +302,7 @@ def is_logarithmic(places: npt.NDArray[np.float64]) -> bool:
     return bool(places.min() > 0 and places.max() / places.min() >= LOG_RATIO)
 
 
-def _finish(axes: Axes, sweep: Sweep) -> None:
+def _finish(axes: Axes, sweep: Sweep, *, bottom: bool) -> None:
     places = sweep.positions()
     if is_logarithmic(places):
         axes.set_xscale("log")
@@ -305,4 +312,18 @@ def _finish(axes: Axes, sweep: Sweep) -> None:
     ]
     axes.set_xticks(places, names)
     axes.minorticks_off()
-    axes.set_xlabel(sweep.label)
+    axes.tick_params(axis="x", labelbottom=bottom)
+    if bottom:
+        axes.set_xlabel(sweep.label)
+
+
+def _share_scale(charts: Sequence[Axes], *, logarithmic: bool) -> None:
+    """Give the panels of a metric one vertical axis."""
+    limits = [axes.get_ylim() for axes in charts]
+    low, high = min(low for low, _ in limits), max(high for _, high in limits)
+    for axes in charts:
+        if logarithmic:
+            axes.set_yscale("symlog", linthresh=LINEAR_BELOW, linscale=0.5)
+            axes.set_yticks([0, 0.001, 0.01, 0.1, 1], ["0", "0.001", "0.01", "0.1", "1"])
+            axes.minorticks_off()
+        axes.set_ylim(0 if logarithmic else low, high)

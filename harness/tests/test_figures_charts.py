@@ -224,6 +224,16 @@ def test_the_other_axes_are_held_at_the_first_cells_step(tmp_path: Path) -> None
     assert_allclose(names.positions(), [0, 1])
 
 
+def test_axes_of_one_last_name_go_by_their_whole_ones(tmp_path: Path) -> None:
+    rows = [
+        {"cell": cell, "grid.a.points": a, "grid.b.points": b}
+        for cell, (a, b) in enumerate(((1, "y"), (2, "y"), (1, "x")))
+    ]
+    sweeps = read_sweeps(ablation(tmp_path / "a", rows))
+    assert set(sweeps) == {"a.points", "b.points"}
+    assert sweeps["b.points"].steps == ["y", "x"]
+
+
 def test_units_are_those_of_print() -> None:
     frame = pl.DataFrame({"step": [0.005, 0.0025]})
     sweep = Sweep(key="pipeline.map.resolution_m", frame=frame)
@@ -274,7 +284,8 @@ def test_a_sweep_is_drawn_with_its_intervals(tmp_path: Path) -> None:
     assert_allclose(lines[0].get_ydata(), [0.275, 0.525, 0.775])
     assert len(lines) == 1 + 3, "a curve, and an interval at each step"
     assert caption.endswith("intervals over 6 objects; AURC: less is better")
-    bottom = figure.axes[-1]
+    assert len(figure.axes) == 3
+    bottom = figure.axes[2]
     assert [text.get_text() for text in bottom.get_xticklabels()] == ["1", "2", "3"]
     assert bottom.get_xlabel() == "views"
 
@@ -306,6 +317,10 @@ def test_a_runs_tolerances_are_a_sweep(source: RunSource) -> None:
     [
         (None, r"a holds no ablation\.parquet; pass a folder that `harness ablate` wrote"),
         ([{"grid.scenes.views": 1, "accuracy": None}], None),
+        (
+            [{"grid.scenes.views": 1}, {"grid.scenes.views": None}],
+            r"ablation\.parquet leaves 'grid\.scenes\.views' empty in a cell",
+        ),
         ([{}], r"ablation\.parquet has no column 'grid\.KEY' for what was varied"),
     ],
 )
