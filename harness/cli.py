@@ -19,6 +19,7 @@ from harness import (
     cli_completion,
     cli_data,
     cli_figures,
+    cli_gate,
     cli_merge,
     cli_pictures,
     cli_render,
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 MODULES = (
     cli_bench,
     cli_ablate,
+    cli_gate,
     cli_calibration,
     cli_merge,
     cli_data,
@@ -53,7 +55,7 @@ MODULES = (
 
 CONTENTS = {
     "Measure": ("bench", "ablate", "run", "merge"),
-    "Judge": ("compare", "calibration", "threshold"),
+    "Judge": ("gate", "baseline", "compare", "calibration", "threshold"),
     "Look": ("show", "report", "figures", "view", "render"),
     "Measure and tune single stages": ("segmentation-report", "completion-report", "tune"),
     "Make data": ("assets", "export", "training-pictures"),
@@ -79,17 +81,24 @@ app = typer.Typer(
 
 def _register() -> None:
     """Put every module's commands under their heading of `CONTENTS`."""
-    found = {
+    commands = {
         command.name or str(getattr(command.callback, "__name__", "")): command
         for module in MODULES
         for command in module.commands.registered_commands
     }
+    groups = {
+        group.name: group for module in MODULES for group in module.commands.registered_groups
+    }
     for heading, names in CONTENTS.items():
         for name in names:
-            found[name].rich_help_panel = heading
-            app.registered_commands.append(found.pop(name))
-    if found:
-        raise LookupError(f"commands without a heading: {sorted(found)}")
+            if name in groups:
+                groups[name].rich_help_panel = heading
+                app.registered_groups.append(groups.pop(name))
+            else:
+                commands[name].rich_help_panel = heading
+                app.registered_commands.append(commands.pop(name))
+    if left := [*commands, *groups]:
+        raise LookupError(f"commands without a heading: {left}")
 
 
 _register()

@@ -28,7 +28,7 @@ def test_the_commands_shown_exist() -> None:
     known = {
         command.name or getattr(command.callback, "__name__", "")
         for command in app.registered_commands
-    }
+    } | {group.name for group in app.registered_groups}
     assert shown == known
 
 
