@@ -9,7 +9,9 @@ from rich.table import Table
 from rich.text import Text
 
 from harness.gate.margins import LEAST_OBJECTS, LEVEL, SLOWER
-from harness.table.cells import UNDEFINED, number, signed
+from harness.gate.pairs import ALL
+from harness.statistics import MeanEstimate
+from harness.table.cells import UNDEFINED, compact, compact_difference
 from harness.table.summary import MODEL_ORDER
 
 if TYPE_CHECKING:
@@ -25,8 +27,8 @@ if TYPE_CHECKING:
 OVERVIEW = "precision"
 """The metric that is shown of every cell."""
 
-MOST_LOST = 10
-"""Lost scenes that are named."""
+MOST_NAMED = 10
+"""Lost scenes, and rows with their worst scenes, that are named."""
 
 _STYLES = {"worse": "bold red", "unsure": "yellow", "unjudged": "yellow"}
 
@@ -39,9 +41,20 @@ def render_verdict(result: GateResult, *, everything: bool = False) -> Renderabl
     if quality.lost:
         parts += [_lost(result), Text()]
     if quality.worse:
-        parts += [Text("Worse than the baseline", style="bold"), _table(quality.worse), Text()]
+        parts += [
+            Text("Worse than the baseline", style="bold"),
+            _table(quality.worse, metrics=True),
+            Text(),
+        ]
         parts += [Text(line) for line in _worst_scenes(quality.worse)] + [Text()]
-    parts += [_table(shown), Text(_about(result, len(shown))), Text()]
+    if everything or any(row.verdict not in {"same", "unjudged"} for row in quality.rows):
+        head = "Every metric of every cell" if everything else "Precision of every cell"
+        parts += [Text(head, style="bold"), _table(shown, metrics=everything)]
+        parts += [Text(_about(result, len(shown))), Text()]
+    else:
+        parts.append(
+            Text("No scene that both runs scored differs in any metric (--all: the rows).")
+        )
     parts += [*_speed(result.speed), *(Text(f"Note: {note}") for note in result.notes)]
     if result.settings:
         parts.append(Text("Set differently, so that the verdict is on this too:"))
@@ -56,9 +69,12 @@ def headline(result: GateResult) -> str:
     """Say the verdict in a line."""
     quality = result.quality
     counts = [
-        (len({item.scene_id for item in quality.lost}), "scenes lost"),
+        (len({item.scene_id for item in quality.lost}), f"of {quality.scenes} scenes lost"),
         (len(quality.worse), f"of {len(quality.rows)} rows worse"),
-        (sum(stage.slower for stage in result.speed.stages), "stages slower"),
+        (
+            sum(stage.slower for stage in result.speed.stages),
+            f"of {len(result.speed.stages)} stages slower",
+        ),
     ]
     found = ", ".join(f"{count} {what}" for count, what in counts if count)
     word = "PASS" if result.passed else "FAIL"
@@ -68,28 +84,30 @@ def headline(result: GateResult) -> str:
 
 def _lost(result: GateResult) -> RenderableType:
     lost = result.quality.lost
-    lines = [f"  {item.scene_id} {item.what}: {item.of}: {item.why}" for item in lost[:MOST_LOST]]
-    if len(lost) > MOST_LOST:
-        lines.append(f"  and {len(lost) - MOST_LOST} more; --json names all")
+    lines = [f"  {item.scene_id} {item.what}: {item.of}: {item.why}" for item in lost[:MOST_NAMED]]
+    if len(lost) > MOST_NAMED:
+        lines.append(f"  and {len(lost) - MOST_NAMED} more; --json names all")
     head = Text("In the baseline and not in the run", style="bold red")
     return Group(head, *(Text(line) for line in lines))
 
 
-def _table(rows: Sequence[Judgement]) -> Table:
+def _table(rows: Sequence[Judgement], *, metrics: bool) -> Table:
     table = Table(box=None, pad_edge=False, padding=(0, 0, 0, 2), header_style="dim")
-    names = ["cell", "metric", "baseline", "now", "difference", "margin", "detectable", "verdict"]
-    for name in names:
-        left = name in {"cell", "metric", "verdict"}
-        table.add_column(name, justify="left" if left else "right", no_wrap=True)
+    table.add_column("cell", no_wrap=False)
+    if metrics:
+        table.add_column("metric", no_wrap=True)
+    for name in ("baseline", "now", "difference", "margin", "detectable"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("verdict", no_wrap=True)
     for row in sorted(rows, key=lambda row: _order(row.cell)):
         table.add_row(
             cell_name(row.cell),
-            row.heading,
-            number(row.baseline),
-            number(row.now),
+            *([row.heading] if metrics else []),
+            compact(row.baseline),
+            compact(row.now),
             _difference(row),
-            f"{row.margin:g}",
-            number(row.minimum_detectable),
+            compact(row.margin),
+            compact(row.minimum_detectable),
             Text(_verdict(row), style=_STYLES.get(row.verdict, "")),
         )
     return table
@@ -97,7 +115,8 @@ def _table(rows: Sequence[Judgement]) -> Table:
 
 def cell_name(cell: Cell) -> str:
     """Name a cell, such as ``mug box metric literal``."""
-    return f"{cell.category} {cell.test_set} {cell.model.replace('_', ' ')}"
+    parts = (cell.category, "" if cell.test_set == ALL else cell.test_set, cell.model)
+    return " ".join(filter(None, parts)).replace("_", " ")
 
 
 def _order(cell: Cell) -> tuple[object, ...]:
@@ -109,30 +128,31 @@ def _order(cell: Cell) -> tuple[object, ...]:
 def _difference(row: Judgement) -> str:
     if row.verdict == "same":
         return "0"
-    if row.low is None:
-        return signed(row.difference)
-    return f"{signed(row.difference)} [{signed(row.low)}, {signed(row.high)}]"
+    return compact_difference(
+        MeanEstimate(mean=row.difference, low=row.low, high=row.high, count=row.scenes)
+    )
 
 
 def _verdict(row: Judgement) -> str:
     match row.verdict:
-        case "worse":
-            return f"worse (q {row.q_value:.2g})"
         case "unsure":
             return "within noise"
         case "unjudged":
-            return f"not judged: {row.objects} objects"
+            return f"{row.objects} objects"
         case _:
             return row.verdict
 
 
 def _worst_scenes(rows: Sequence[Judgement]) -> list[str]:
-    """Name the scenes that lose most, of each row that is worse."""
-    return [
+    """Name the scenes that lose most, of each single cell that is worse, or of all."""
+    single = [row for row in rows if row.cell.category != ALL] or rows
+    lines = [
         f"{cell_name(row.cell)}, {row.heading}: loses most in "
         + ", ".join(f"{item.scene_id} ({item.loss:.3f})" for item in row.worst)
-        for row in rows
+        for row in single[:MOST_NAMED]
     ]
+    more = len(single) - MOST_NAMED
+    return [*lines, f"and so on in {more} more rows: --json"] if more > 0 else lines
 
 
 def _about(result: GateResult, shown: int) -> str:
@@ -140,12 +160,13 @@ def _about(result: GateResult, shown: int) -> str:
     more = len(rows) - shown
     counts = {name: sum(row.verdict == name for row in rows) for name in _STYLES}
     text = (
-        f"Differences [95 %] are paired by scene, by objects; {UNDEFINED} is undefined. A row is "
+        "Differences [95 %] are paired by scene, by "
+        f"objects; {UNDEFINED} is undefined; 'all' is over all classes or cells. A row is "
         f"worse where its loss is surely beyond the margin (Benjamini-Hochberg at {LEVEL:.0%}; "
         "rows of single cells, of all classes and of all cells are each a family); detectable: the "
         f"least true loss that is found 4 times in 5. Rows of fewer than {LEAST_OBJECTS} objects "
-        f"are not judged ({counts['unjudged']} here); {counts['unsure']} lose more than the margin "
-        "within noise."
+        f"are not judged ({counts['unjudged']} here); {counts['unsure']} lose more than the "
+        "margin, which may be noise."
     )
     return text + (f" {more} further rows: --all." if more else "")
 

@@ -172,8 +172,11 @@ _HEAD = """# What `harness gate` runs: the baseline's scenes and protocol in ful
 def _before(folder: Path) -> tuple[Baseline | None, Sequence[Entry], list[str]]:
     """Read the baseline that is to be replaced, its history, and what a person should know.
 
-    One that is damaged or of another schema is replaced too, for that is how it is mended.
+    One that is damaged or of another schema is replaced too, for that is how it is mended. One
+    that an update was killed at is put back first.
     """
+    if not folder.exists() and (old := _beside(folder, "old")).exists():
+        old.rename(folder)
     if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
         return None, [], []
     if not (folder / HISTORY).is_file():
@@ -228,6 +231,10 @@ def _means(records: Sequence[Record]) -> dict[tuple[str, str], float]:
     return {key: fmean(found) for key, found in values.items()}
 
 
+def _beside(folder: Path, suffix: str) -> Path:
+    return folder.with_name(f"{folder.name}.{suffix}")
+
+
 def _write(
     folder: Path,
     run: RunDirectory,
@@ -238,7 +245,7 @@ def _write(
     calibrated: Calibration | None,
 ) -> int:
     """Write a baseline beside the old one and put it in its place; returns its bytes."""
-    made, old = (folder.with_name(f"{folder.name}.{suffix}") for suffix in ("new", "old"))
+    made, old = _beside(folder, "new"), _beside(folder, "old")
     try:
         for left in (made, old):
             shutil.rmtree(left, ignore_errors=True)

@@ -288,6 +288,16 @@ def test_a_run_is_no_baseline(run: Path) -> None:
     )
 
 
+def test_an_update_that_was_killed_between_the_two_loses_no_history(
+    baseline: Path, run: Path
+) -> None:
+    baseline.rename(baseline.with_name("baseline.old"))
+    baseline.with_name("baseline.new").mkdir()
+    make(baseline, run, reason="the next")
+    assert [entry.reason for entry in read_baseline(baseline).history] == ["a reason", "the next"]
+    assert [path.name for path in baseline.parent.iterdir()] == ["baseline"]
+
+
 def test_a_damaged_baseline_is_mended_by_the_next_and_keeps_its_history(
     baseline: Path, run: Path
 ) -> None:

@@ -80,8 +80,10 @@ def test_the_same_answers_pass(baseline: Path, run: Path) -> None:
     assert verdicts["recall"] == "unjudged"
     text = shown(result)
     assert text.splitlines()[-1].startswith(f"PASS: 20 scenes of {run} against {baseline} (")
-    assert "bowl box classic" in text
-    assert " same" in text
+    assert "No scene that both runs scored differs in any metric (--all: the rows)." in text
+    rows = shown(result, everything=True)
+    assert "bowl box classic" in rows
+    assert " same" in rows
 
 
 def test_two_points_of_one_models_precision_fail(baseline: Path, run: Path, tmp_path: Path) -> None:
@@ -148,7 +150,7 @@ def test_a_gate_does_not_pass_because_the_hard_scenes_failed(
     ]
     text = shown(result)
     assert "  mug-0002 failed: box: no luck" in text
-    assert text.endswith(": 2 scenes lost")
+    assert text.endswith(": 2 of 20 scenes lost")
 
 
 def test_a_slower_stage_fails_by_itself(baseline: Path, run: Path, tmp_path: Path) -> None:
