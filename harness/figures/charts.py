@@ -52,6 +52,13 @@ def is_first(panel: int, *, panels: int) -> bool:
     return any(panel == block[0] for block in panel_blocks(panels))
 
 
+def name_vertical(axes: Axes, name: str, *, first: bool) -> None:
+    """Name a vertical axis that the panels of a row share, in the first of them alone."""
+    axes.tick_params(axis="y", labelleft=first)
+    if first:
+        axes.set_ylabel(name)
+
+
 def model_legend(
     figure: Figure, models: Sequence[str], *, others: Sequence[SeriesStyle] = (), rows: int = 1
 ) -> None:

@@ -8,7 +8,13 @@ import numpy as np
 from matplotlib.ticker import EngFormatter
 
 from harness.calibration import BINS, reliability
-from harness.figures.charts import chart_grid, is_first, model_legend, panel_blocks
+from harness.figures.charts import (
+    chart_grid,
+    is_first,
+    model_legend,
+    name_vertical,
+    panel_blocks,
+)
 from harness.figures.source import NothingToDrawError, order_models
 from harness.figures.style import GREY, TWO_COLUMNS_IN, model_style, new_figure
 
@@ -47,13 +53,16 @@ def draw_reliability(source: RunSource) -> tuple[Figure, str]:
         width_in=TWO_COLUMNS_IN, height_in=0.35 + 2.75 * len(panel_blocks(len(cells)))
     )
     models = order_models(set(read.models))
+    most = 1.5 * max(
+        len(scenes) * source.config.protocol.test_points for scenes in read.cells.values()
+    )
     for panel, (diagram, counts) in chart_grid(figure, panels=len(cells), charts=2):
         cell = cells[panel]
         for model in models:
             scenes = read.cells.get((cell.category, cell.completion, model))
             if scenes:
                 draw_diagram(diagram, counts, pooled(scenes), model=model)
-        _finish(diagram, counts, named=is_first(panel, panels=len(cells)))
+        _finish(diagram, counts, first=is_first(panel, panels=len(cells)), most=1.5 * max(points))
         diagram.set_title(cell.label)
     model_legend(figure, models)
     return figure, (
@@ -99,11 +108,11 @@ def draw_diagram(diagram: Axes, counts: Axes, found: Reliability, *, model: str)
     )
 
 
-def _finish(diagram: Axes, counts: Axes, *, named: bool) -> None:
+def _finish(diagram: Axes, counts: Axes, *, first: bool, most: float) -> None:
     diagram.plot([0, 100], [0, 100], color=GREY, linewidth=0.7, zorder=1)
     diagram.set_ylim(0, 100)
     counts.set_yscale("log")
-    counts.set_ylim(bottom=0.8)
+    counts.set_ylim(0.8, most)
     # Powers would be smaller than the smallest text.
     counts.yaxis.set_major_formatter(EngFormatter(sep=""))
     counts.set_xlabel("confidence (%)")
@@ -112,6 +121,5 @@ def _finish(diagram: Axes, counts: Axes, *, named: bool) -> None:
         axes.set_xticks([0, 25, 50, 75, 100])
     diagram.set_yticks([0, 25, 50, 75, 100])
     diagram.tick_params(labelbottom=False)
-    if named:
-        diagram.set_ylabel("on the mesh (%)")
-        counts.set_ylabel("points")
+    name_vertical(diagram, "on the mesh (%)", first=first)
+    name_vertical(counts, "points", first=first)

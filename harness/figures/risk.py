@@ -9,7 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from harness.calibration import COVERAGES, risk_at, risk_coverage
-from harness.figures.charts import chart_grid, is_first, model_legend, panel_blocks
+from harness.figures.charts import (
+    chart_grid,
+    is_first,
+    model_legend,
+    name_vertical,
+    panel_blocks,
+)
 from harness.figures.source import PREFERRED_MODEL, Cell, NothingToDrawError, order_models
 from harness.figures.style import (
     GREY,
@@ -70,8 +76,8 @@ def draw_risk_coverage(source: RunSource) -> tuple[Figure, str]:
         _draw_cell(axes, source, cell, models)
         axes.set_title(cell.label)
         axes.set_xlabel("coverage (%)")
-        if is_first(panel, panels=len(cells)):
-            axes.set_ylabel("risk: wrong decisions (%)")
+        first = is_first(panel, panels=len(cells))
+        name_vertical(axes, "risk: wrong decisions (%)", first=first)
     others = list(BASELINES.values()) if PREFERRED_MODEL in models else []
     model_legend(figure, models, others=others, rows=2)
     count = len({scene.scene_id for scenes in read.cells.values() for scene in scenes})

@@ -11,7 +11,13 @@ import polars as pl
 
 from harness.config import RunSection
 from harness.errors import InputError
-from harness.figures.charts import chart_grid, is_first, model_legend, panel_blocks
+from harness.figures.charts import (
+    chart_grid,
+    is_first,
+    model_legend,
+    name_vertical,
+    panel_blocks,
+)
 from harness.figures.source import BOX, Cell, NothingToDrawError, order_models
 from harness.figures.style import TWO_COLUMNS_IN, model_style, new_figure, plain
 from harness.statistics import mean_estimate
@@ -35,7 +41,7 @@ LOGARITHMIC = frozenset({"aurc"})
 LINEAR_BELOW = 0.001
 NAMES = {
     "scenes.views": "views",
-    "scenes.depth_noise.subpixel_px": "sub-pixel depth noise (px)",
+    "scenes.depth_noise.subpixel_px": "disparity noise (px)",
     "pipeline.training.points": "training points",
     "protocol.reported_tolerance_m": "tolerance (mm)",
     "tolerance_m": "tolerance (mm)",
@@ -209,8 +215,7 @@ def draw_sweep(
                 means = step_means(own, metric=metric, steps=sweep.steps, seed=sweep.seed)
                 _draw_curve(axes, places[model], means, style=model_style(model))
             _finish(axes, sweep, bottom=axes is charts[-1])
-            if is_first(panel, panels=len(panels)):
-                axes.set_ylabel(name)
+            name_vertical(axes, name, first=is_first(panel, panels=len(panels)))
     for metric, charts in by_metric.items():
         _share_scale(charts, logarithmic=metric in LOGARITHMIC)
     model_legend(figure, models)
