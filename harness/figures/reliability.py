@@ -53,9 +53,7 @@ def draw_reliability(source: RunSource) -> tuple[Figure, str]:
         width_in=TWO_COLUMNS_IN, height_in=0.35 + 2.75 * len(panel_blocks(len(cells)))
     )
     models = order_models(set(read.models))
-    most = 1.5 * max(
-        len(scenes) * source.config.protocol.test_points for scenes in read.cells.values()
-    )
+    points = [sum(len(scene.truth) for scene in scenes) for scenes in read.cells.values()]
     for panel, (diagram, counts) in chart_grid(figure, panels=len(cells), charts=2):
         cell = cells[panel]
         for model in models:
