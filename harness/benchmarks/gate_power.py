@@ -34,7 +34,7 @@ from harness.bench import QUICK_SCENES
 from harness.errors import InputError
 from harness.gate.acceptance import reported
 from harness.gate.losses import judge_losses
-from harness.gate.pairs import Paired, pair_runs, pools
+from harness.gate.pairs import Paired, families, pair_runs
 from harness.protocol import test_set_of
 from harness.results import finished_run
 from harness.runs.records import read_records
@@ -166,10 +166,9 @@ def simulate(
         noise = noise * 0.0
     _, member = np.unique(paired.objects[some], return_inverse=True)
     classes = np.array([str(name).rsplit("-", 1)[0] for name in paired.scene_ids[some]])
-    families = pools(rows)
-    limits_of = [
-        margins,
-        *(np.array([pool.metric.margin for pool in pooled]) for pooled in families),
+    pooled = families(rows)
+    limits_of = [margins] + [
+        np.array([metric.margin for _, metric in family.rows]) for family in pooled
     ]
     place_of = {(row.cell, row.metric.key): place for place, row in enumerate(rows)}
     defined = np.isfinite(noise)
@@ -193,10 +192,7 @@ def simulate(
             for key, values in zip(COUNTED, found, strict=True):
                 losses[place_of[cell, key]] += values[some] * hit
         losses = losses[:, chosen]
-        tested = [
-            losses,
-            *(np.stack([pool.mean(losses) for pool in pooled]) for pooled in families),
-        ]
+        tested = [losses, *(family.means(losses) for family in pooled)]
         failed += any(
             judge_losses(values, objects=objects, margins=limits).worse.any()
             for values, limits in zip(tested, limits_of, strict=True)

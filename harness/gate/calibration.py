@@ -22,6 +22,7 @@ import numpy as np
 from harness.engines.engine import SceneDone, SceneFailed, Work
 from harness.engines.local import LocalEngine
 from harness.errors import InputError
+from harness.gate.margins import UNSTEADY
 from harness.runs.atomic import write_text
 from harness.runs.manifest import describe_session
 
@@ -104,6 +105,11 @@ class Calibration:
     machine: Machine
     seconds: float
     drift: float = 1.0
+
+    @property
+    def steady(self) -> bool:
+        """Whether the machine's pace was nearly the same before and after."""
+        return 1 / UNSTEADY <= self.drift <= UNSTEADY
 
     def to_json(self) -> dict[str, Any]:
         """Return what `from_json` reads."""

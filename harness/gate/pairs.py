@@ -64,45 +64,58 @@ class Rows:
         return difference if self.metric.better == "higher" else -difference
 
 
-@dataclass(frozen=True)
-class Pool:
-    """Rows that are judged together: those of a model and metric over several cells.
+@dataclass(frozen=True, eq=False)
+class Family:
+    """Rows over several cells, of a model and metric each, that are judged as one family of tests.
 
     Attributes
     ----------
-    members
-        Their places among the rows of single cells.
+    rows
+        What each is of.
+    members : (families' rows, single cells' rows) float64
+        1 where a cell's row is part of it.
     """
 
-    cell: Cell
-    metric: Gated
-    members: Sequence[int]
+    rows: Sequence[tuple[Cell, Gated]]
+    members: npt.NDArray[np.float64]
 
-    def mean(self, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Mean of each scene (scenes,) over the members among all rows' values (rows, scenes)."""
-        some = values[list(self.members)]
-        defined = ~np.isnan(some)
+    def means(self, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Mean of each scene over the members that define it, NaN where none does.
+
+        Parameters
+        ----------
+        values : (single cells' rows, scenes) float64
+
+        Returns
+        -------
+        means : (families' rows, scenes) float64
+        """
+        defined = ~np.isnan(values)
         with np.errstate(invalid="ignore"):
-            return np.asarray(np.where(defined, some, 0.0).sum(axis=0) / defined.sum(axis=0))
+            sums = self.members @ np.where(defined, values, 0.0)
+            return np.asarray(sums / (self.members @ defined.astype(np.float64)))
 
 
-def pools(rows: Sequence[Rows]) -> list[list[Pool]]:
-    """List what is judged over several cells, by family: each test set's classes, and all."""
+def families(rows: Sequence[Rows]) -> list[Family]:
+    """List what is judged over several cells: each test set's classes, and all of a model's."""
     members: defaultdict[tuple[Cell, Gated], list[int]] = defaultdict(list)
     for index, row in enumerate(rows):
         for test_set in (row.cell.test_set, ALL):
             members[Cell(ALL, test_set, row.cell.model), row.metric].append(index)
-    sets = len({row.cell.test_set for row in rows})
-    found = [
-        Pool(cell, metric, places)
-        for (cell, metric), places in sorted(members.items(), key=lambda item: item[0][0])
-        if len(places) > 1
-    ]
+    found = []
     # With one test set, a model's rows over all cells are those over its classes.
-    families = [
-        [pool for pool in found if (pool.cell.test_set == ALL) == over] for over in (False, True)
-    ]
-    return [family for family in families[:sets] if family]
+    for over_sets in (False, True)[: len({row.cell.test_set for row in rows})]:
+        chosen = [
+            (what, places)
+            for what, places in sorted(members.items(), key=lambda item: item[0][0])
+            if len(places) > 1 and (what[0].test_set == ALL) == over_sets
+        ]
+        if chosen:
+            matrix = np.zeros((len(chosen), len(rows)))
+            for line, (_, places) in enumerate(chosen):
+                matrix[line, places] = 1.0
+            found.append(Family([what for what, _ in chosen], matrix))
+    return found
 
 
 @dataclass(frozen=True)
@@ -136,7 +149,7 @@ class Paired:
     rows
         One for each cell and metric.
     pooled
-        One for each of the rows' `pools`, by family.
+        Those over several cells, by `families`.
     lost
         In the order of the scenes.
     """
@@ -204,8 +217,13 @@ def _pooled(rows: Sequence[Rows]) -> list[list[Rows]]:
         return []
     before, after = (np.stack([getattr(row, side) for row in rows]) for side in ("baseline", "now"))
     return [
-        [Rows(pool.cell, pool.metric, pool.mean(before), pool.mean(after)) for pool in family]
-        for family in pools(rows)
+        [
+            Rows(cell, metric, there, here)
+            for (cell, metric), there, here in zip(
+                family.rows, family.means(before), family.means(after), strict=True
+            )
+        ]
+        for family in families(rows)
     ]
 
 

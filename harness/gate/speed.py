@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from scipy.stats import binom
 
-from harness.gate.margins import LEAST_SECONDS, SLOWER, SURELY, UNSTEADY
+from harness.gate.margins import LEAST_SECONDS, SLOWER, SURELY
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -92,7 +92,7 @@ def judge_speed(
     if refused := other_machine(after.machine, before.machine):
         return Speed(refused)
     for whose, found in (("the baseline", before), ("the run", after)):
-        if not 1 / UNSTEADY <= found.drift <= UNSTEADY:
+        if not found.steady:
             return Speed(
                 f"the machine was not steady during {whose}: the calibration took "
                 f"{found.drift:.2f} times as long after as before; run again when it has nothing "

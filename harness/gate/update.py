@@ -202,6 +202,11 @@ def _calibration(folder: Path, sessions: Sequence[object]) -> tuple[Calibration 
         why = "has no calibration; one by `harness baseline run` has"
     elif (problem := several_sittings(sessions)) is not None:
         why = problem
+    elif not found.steady:
+        why = (
+            f"was run on a machine that was not steady (its calibration took {found.drift:.2f} "
+            "times as long after as before); run it again when nothing else runs"
+        )
     else:
         return found, []
     return None, [f"no speed will be judged: {folder} {why}"]

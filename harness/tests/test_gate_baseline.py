@@ -228,6 +228,16 @@ def test_without_a_calibration_a_baseline_has_no_speed(tmp_path: Path, run: Path
     assert read_baseline(tmp_path / "new").calibration is None
 
 
+def test_a_baseline_of_an_unsteady_machine_has_no_speed(tmp_path: Path, run: Path) -> None:
+    folder = copied(run, tmp_path / "run")
+    write_calibration(replace(CALIBRATION, drift=2.5), folder)
+    assert make(tmp_path / "new", folder).notes == [
+        f"no speed will be judged: {folder} was run on a machine that was not steady (its "
+        "calibration took 2.50 times as long after as before); run it again when nothing else runs"
+    ]
+    assert read_baseline(tmp_path / "new").calibration is None
+
+
 def mend(folder: Path) -> str:
     return (
         f"restore it with `git checkout -- {folder}`, or make it anew with "
