@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from harness.protocol import COMPLETED, HasCompleter, completion_name, draw_test_points
+from harness.drawn_points import draw_test_points
+from harness.protocol import COMPLETED, HasCompleter, completion_name
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

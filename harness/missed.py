@@ -14,12 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harness.asked import AskedPoints
-from harness.protocol import (
-    COMPLETED,
-    completion_name,
-    draw_test_points,
-    true_categories,
-)
+from harness.drawn_points import draw_test_points
+from harness.protocol import COMPLETED, completion_name, true_categories
 from harness.recordings.file import encode
 from harness.recordings.make import missed_answers, record_scene
 from harness.runs.records import Record, SceneResult, Variant

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import time
 import traceback
-from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING
 
+from harness.ablation.job import CellResults
 from harness.runs.records import SceneResult, Timing
 from harness.scene_run import evaluate_scene, simulate_job
 from harness.stages.clock import StageClock, Times
@@ -15,45 +15,8 @@ from harness.stages.keys import StageKeys
 from harness.stages.memo import Memo
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from harness.config import Config
-    from harness.runs.job import SceneJob
+    from harness.ablation.job import CellScene, SceneCells
     from sim_scenes import Scene
-
-
-@dataclass(frozen=True)
-class CellScene:
-    """A scene under one cell: the cell's short hash, its plan's job, and its configuration."""
-
-    cell: str
-    job: SceneJob
-    config: Config
-
-
-@dataclass(frozen=True)
-class SceneCells:
-    """A scene under all cells that lack it."""
-
-    scene_id: str
-    parts: tuple[CellScene, ...]
-
-
-@dataclass(frozen=True)
-class CellResults:
-    """What a scene yields.
-
-    Attributes
-    ----------
-    results, failures
-        By cell: its result, or why it has none.
-    computed
-        How often each stage was computed for all of them.
-    """
-
-    results: Mapping[str, SceneResult] = field(default_factory=dict)
-    failures: Mapping[str, str] = field(default_factory=dict)
-    computed: Mapping[str, int] = field(default_factory=dict)
 
 
 def run_cells(job: SceneCells) -> CellResults:

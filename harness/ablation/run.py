@@ -23,8 +23,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from harness.ablation.cells import CellResults, CellScene, SceneCells
 from harness.ablation.frame import ablation_frame, read_cell
+from harness.ablation.job import CellResults, CellScene, SceneCells
 from harness.ablation.spec import find_spec, read_spec
 from harness.ablation.summary import Summary, summarise_cells
 from harness.bench import Wiring

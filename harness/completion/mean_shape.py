@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harness.completion.clouds import nearest_m, spread_evenly
-from harness.protocol import surface_points
+from harness.drawn_points import surface_points
 from sim_scenes.objects.draws import Split
 from sim_scenes.objects.generate import generate_object
 from sim_scenes.streams import stream

@@ -22,8 +22,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from harness.completion.clouds import nearest_m
+from harness.drawn_points import surface_points
 from harness.native import MeshTruth
-from harness.protocol import surface_points
 from sim_scenes.streams import stream
 
 if TYPE_CHECKING:

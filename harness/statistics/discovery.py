@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import false_discovery_control
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -36,6 +35,9 @@ def benjamini_hochberg(p_values: npt.NDArray[np.float64]) -> npt.NDArray[np.floa
     ValueError
         A value lies outside [0, 1].
     """
+    # Loading it takes longer than most commands that print a table.
+    from scipy.stats import false_discovery_control
+
     defined = ~np.isnan(p_values)
     q_values = np.full(p_values.shape, np.nan)
     if defined.any():

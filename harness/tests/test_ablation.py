@@ -10,8 +10,9 @@ import polars as pl
 import pytest
 
 from harness import cli
-from harness.ablation.cells import CellScene, SceneCells, run_cells
+from harness.ablation.cells import run_cells
 from harness.ablation.frame import read_cell
+from harness.ablation.job import CellScene, SceneCells
 from harness.ablation.run import RECORDS, AblateOptions, run_ablation
 from harness.ablation.spec import Cell, find_spec, read_spec, ready_grids
 from harness.bench import load_objects

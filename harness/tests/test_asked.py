@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from harness.asked import gather_test_sets
-from harness.protocol import box_test_points
+from harness.drawn_points import box_test_points
 from harness.runs.records import Record, SceneResult, Variant
 from harness.scene_run import evaluate_scene, map_scene, simulate_job
 from harness.sitting import scene_problem

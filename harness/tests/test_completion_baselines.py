@@ -11,7 +11,7 @@ from harness.completion.baselines import CLOUD_POINTS, mirrored, observed_only, 
 from harness.completion.clouds import nearest_m
 from harness.completion.handle import BEYOND, Outcome, find_handle
 from harness.completion.mean_shape import MeanShape, mean_shape, medoid
-from harness.protocol import surface_points
+from harness.drawn_points import surface_points
 from sim_scenes.objects.draws import Split, stream
 from sim_scenes.objects.handle import Handle
 from sim_scenes.objects.mug import MugParams, build

@@ -6,15 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from harness.protocol import (
-    COMPLETIONS,
-    box_test_points,
-    completion_name,
-    draw_test_points,
-    perturbed_test_points,
-    test_set_of as set_of,
-    true_categories,
-)
+from harness.drawn_points import box_test_points, draw_test_points, perturbed_test_points
+from harness.protocol import COMPLETIONS, completion_name, test_set_of as set_of, true_categories
 from harness.tests.fake_completer import FakeCompletions
 from sim_scenes import SceneObject
 from sim_scenes.streams import stream
@@ -91,9 +84,9 @@ def plate(*, world_from_object: np.ndarray | None = None) -> SceneObject:
 
 
 def test_surface_points_are_spread_by_area(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("harness.protocol.SCALE_ERROR", (0.0, 0.0))
-    monkeypatch.setattr("harness.protocol.SHIFT_M", 0.0)
-    monkeypatch.setattr("harness.protocol.NOISE_M", (0.0, 0.0))
+    monkeypatch.setattr("harness.drawn_points.SCALE_ERROR", (0.0, 0.0))
+    monkeypatch.setattr("harness.drawn_points.SHIFT_M", 0.0)
+    monkeypatch.setattr("harness.drawn_points.NOISE_M", (0.0, 0.0))
     points = perturbed_test_points(plate(), count=8000, seed=1)
     assert points.shape == (8000, 3)
     assert points.flags.c_contiguous

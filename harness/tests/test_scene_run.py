@@ -14,13 +14,9 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from harness.config import Config
+from harness.drawn_points import box_test_points, draw_test_points, surface_points
 from harness.native import CLASS_NAMES, binary_metrics
-from harness.protocol import (
-    COMPLETIONS,
-    box_test_points,
-    draw_test_points,
-    surface_points,
-)
+from harness.protocol import COMPLETIONS
 from harness.recordings.file import decode
 from harness.runs.job import SceneJob
 from harness.runs.records import METRICS, Record, SceneResult, Variant
