@@ -99,7 +99,7 @@ def judge_speed(
                 "else to do"
             )
     pace = after.seconds / before.seconds
-    theirs, ours = _by_stage(baseline), _by_stage(now)
+    theirs, ours = by_stage(baseline), by_stage(now)
     stages = []
     for stage, seconds in theirs.items():
         common = sorted(seconds.keys() & ours.get(stage, {}).keys())
@@ -146,7 +146,7 @@ def median_bound(values: npt.NDArray[np.float64]) -> float | None:
     return float(np.sort(values)[k - 1]) if k > 0 else None
 
 
-def _by_stage(timings: Sequence[Timing]) -> Mapping[Stage, dict[str, float]]:
+def by_stage(timings: Sequence[Timing]) -> Mapping[Stage, dict[str, float]]:
     """Seconds of each stage, by scene."""
     found: defaultdict[Stage, dict[str, float]] = defaultdict(dict)
     for timing in timings:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from harness.benchmarks.gate_speed import caught, stage_noise
 from harness.errors import InputError
 from harness.gate.calibration import (
     Calibration,
@@ -128,3 +129,16 @@ def test_a_session_tells_the_machine() -> None:
     assert Machine.of_session(session, workers=None, scenes=16).workers == 4
     assert Machine.of_session(session, workers=2, scenes=16).workers == 2
     assert Machine.of_session(session, workers=None, scenes=3).workers == 3
+
+
+def test_the_simulation_finds_slower_stages_and_no_others() -> None:
+    rows = [
+        *timings(*np.exp(np.random.default_rng(4).normal(0, 0.1, 32))),
+        *timings(*[0.001] * 32, stage="truth", model=None),
+    ]
+    (stage,) = (noise := stage_noise(rows))
+    assert stage == ("fit", "metric")
+    assert np.median(noise[stage]) == pytest.approx(0.0)
+    shares = caught(noise[stage], scenes=32, repeats=200)
+    assert shares[1.0] == 0.0
+    assert shares[1.5] > 0.95
