@@ -19,7 +19,7 @@ from harness.protocol import COMPLETED, completion_name, true_categories
 from harness.recordings.file import encode
 from harness.recordings.make import missed_answers, record_scene
 from harness.runs.records import Record, SceneResult, Variant
-from harness.scoring import count_confusion, score_missed
+from harness.scoring import count_confusion, scene_facts, score_missed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -102,8 +102,7 @@ def answer_missed(
                     "object_name": target.name,
                     "seed": job.seed,
                     "segmenter": pipeline.segmenter,
-                    "views": len(scene.frames),
-                    "redraws": scene.redraw_count,
+                    **scene_facts(scene),
                 }
                 result.records.append(score_missed(true == target.category, identity=identity))
     if watch is None:

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 from harness.config import Config, differing_values
 from harness.errors import InputError
-from harness.protocol import COMPLETED, test_set_of
+from harness.protocol import test_set_of
 from harness.runs.confusion import Confusion, read_confusion
 from harness.runs.directory import CONFIG, RunDirectory
 from harness.runs.records import SCHEMA_VERSION, Record, read_records
+from harness.same_scene import unlike as unlike_scene
 from harness.table.differences import Difference, paired_differences
 from harness.table.summary import Table, summarise
 
@@ -134,9 +135,7 @@ def compare_finished(
 ) -> Comparison:
     """Compare a model of one run with a model of another, scene by scene.
 
-    Scenes are the same where id, seed, object, number of redraws, test points and their base rate
-    agree: a scene that one run had to draw again stands elsewhere in the other. Completed points
-    need not agree, for each run's completer and views make its own.
+    Scenes are the same as `harness.same_scene` says.
 
     Parameters
     ----------
@@ -168,7 +167,7 @@ def compare_finished(
     )
     unlike = {}
     for key in sorted(sets_a.keys() & sets_b.keys()):
-        if why := _unlike(sets_a[key], sets_b[key]):
+        if why := unlike_scene(sets_a[key], sets_b[key]):
             unlike[key[0]] = why
     differences = paired_differences(
         [record for record in a if record.scene_id not in unlike],
@@ -227,19 +226,6 @@ def _scored(records: Sequence[Record]) -> set[str]:
     return {record.scene_id for record in records if record.status == "ok"}
 
 
-def _unlike(first: Record, second: Record) -> str | None:
-    """Say why two records of one scene id and test set are not of one scene."""
-    if "failed" in (first.status, second.status):
-        return None
-    drawn = test_set_of(first.completion) != COMPLETED
-    points = ("test_points", "base_rate") if drawn else ()
-    for what in ("seed", "object_name", "redraws", *points):
-        ours, theirs = getattr(first, what), getattr(second, what)
-        if ours != theirs:
-            return f"its {what.replace('_', ' ')} is {ours} in the one and {theirs} in the other"
-    return None
-
-
 def _of_model(run: FinishedRun, model: str, *, tolerance_m: float) -> list[Record]:
     chosen = [r for r in run.records if r.model == model and r.tolerance_m == tolerance_m]
     if not chosen:
@@ -255,6 +241,20 @@ def finished_run(folder: Path) -> RunDirectory:
     ------
     InputError
         The folder holds no run, an unfinished one, or one of another schema version.
+    """
+    run = open_checked(folder)
+    if not run.records_path.exists():
+        raise InputError(f"{folder} is unfinished; finish it with `harness bench --out {folder}`")
+    return run
+
+
+def open_checked(folder: Path) -> RunDirectory:
+    """Open a run, finished or not, that was written with this version's record schema.
+
+    Raises
+    ------
+    InputError
+        The folder holds no run, or one of another schema version.
     """
     if not RunDirectory.is_run(folder):
         raise InputError(f"{folder} holds no run; pass the folder that `harness bench` named")
@@ -272,6 +272,4 @@ def finished_run(folder: Path) -> RunDirectory:
             f"{SCHEMA_VERSION}; read it with the version that wrote it{by}, or run it again with "
             f"`harness bench --config {folder / CONFIG}`"
         )
-    if not run.records_path.exists():
-        raise InputError(f"{folder} is unfinished; finish it with `harness bench --out {folder}`")
     return run

@@ -13,7 +13,7 @@ from harness.protocol import COMPLETED, completion_name, true_categories
 from harness.recordings.file import encode
 from harness.recordings.make import model_answers, record_scene
 from harness.runs.records import Record, SceneResult, Variant
-from harness.scoring import Answers, confusion, score
+from harness.scoring import Answers, confusion, scene_facts, score
 from harness.stages.clock import StageClock
 from harness.stages.mapping import frame_arguments
 from harness.stages.memo import Memo
@@ -201,8 +201,7 @@ def evaluate(stages: SceneStages) -> SceneResult:
                         "object_name": target.name,
                         "seed": job.seed,
                         "segmenter": pipeline.segmenter,
-                        "views": len(scene.frames),
-                        "redraws": scene.redraw_count,
+                        **scene_facts(scene),
                     }
                     result.records.append(
                         score(

@@ -10,12 +10,13 @@ import numpy as np
 from harness.native import CLASS_NAMES, binary_metrics
 from harness.runs.confusion import Confusion
 from harness.runs.records import Record
+from sim_scenes.geometry import apply
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
     from harness.native import Hyperparameters, MappedObject, Predictions, TrainingSet
-    from sim_scenes import SceneObject
+    from sim_scenes import Scene, SceneObject
 
     Floats = npt.NDArray[np.float64]
 
@@ -90,6 +91,24 @@ class Answers:
         if self.completer_confidence is not None:
             others *= self.completer_confidence[self.part]
         return np.minimum(self.confidence / others, 1.0) if (others > 0).all() else None
+
+
+def scene_facts(scene: Scene) -> dict[str, Any]:
+    """Fields of a record that tell which scene it is of, whatever a model says of it."""
+    low, high = (bound(scene.objects[0].vertices, axis=0) for bound in (np.min, np.max))
+    middle = apply(scene.objects[0].world_from_object, ((low + high) / 2)[np.newaxis])[0]
+    cameras = np.array([frame.world_from_camera[:3, 3] for frame in scene.frames])
+    shown = [
+        float(np.mean(frame.instance_ids == scene.objects[0].instance_id))
+        for frame in scene.frames
+        if frame.instance_ids is not None
+    ]
+    return {
+        "views": len(scene.frames),
+        "redraws": scene.redraw_count,
+        "camera_distance_m": float(np.linalg.norm(cameras - middle, axis=1).mean()),
+        "visible_share": float(np.mean(shown)) if len(shown) == len(scene.frames) else None,
+    }
 
 
 def score(

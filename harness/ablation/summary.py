@@ -10,6 +10,7 @@ import numpy as np
 import polars as pl
 
 from harness.protocol import test_set_of
+from harness.same_scene import are_alike
 from harness.statistics import (
     MeanEstimate,
     PairedTest,
@@ -27,8 +28,7 @@ if TYPE_CHECKING:
 METRICS = tuple(column.key for column in DIFFERENCE_COLUMNS)
 """What cells are compared by."""
 
-_SAME = ("seed", "object_name", "redraws")
-"""What two records of one scene id must share to be of one scene."""
+_FIRST = " of the first"
 
 Group = tuple[str, str, str]
 """Class, test set and model: what is compared between cells."""
@@ -174,12 +174,9 @@ def _mean(part: pl.DataFrame, metric: str, *, seed: int) -> MeanEstimate:
 
 def _less(part: pl.DataFrame, first: pl.DataFrame, metric: str, seed: int) -> PairedTest:
     """Compare a cell with the first one, scene by scene, where both are of the same scene."""
-    columns = ["scene_id", *_SAME]
-    both = part.select(*columns, pl.col(metric).alias("here")).join(
-        first.select(*columns, pl.col(metric).alias("there")), on=columns
-    )
+    both = part.join(first, on="scene_id", suffix=_FIRST).filter(are_alike(suffix=_FIRST))
     both = both.sort("scene_id")
-    differences = (both["here"] - both["there"]).cast(pl.Float64).fill_null(np.nan)
+    differences = (both[metric] - both[metric + _FIRST]).cast(pl.Float64).fill_null(np.nan)
     return paired_test(
         differences.to_numpy(), objects=both["object_name"].to_numpy().astype(np.str_), seed=seed
     )

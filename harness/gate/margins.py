@@ -77,6 +77,3 @@ LEAST_SECONDS = 0.02
 UNSTEADY = 1.5
 """The machine was not steady if the calibration took so many times longer after than before, or
 the other way round: no stage is judged then."""
-
-SAME_SCENE = 0.01
-"""Base rates of a scene's drawn points may differ so much between machines whose last bits do."""

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harness.errors import InputError
-from harness.gate.margins import GATED, SAME_SCENE, Gated
-from harness.protocol import COMPLETED, test_set_of
+from harness.gate.margins import GATED, Gated
+from harness.protocol import test_set_of
+from harness.same_scene import unlike
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -178,7 +179,7 @@ def pair_runs(baseline: Sequence[Record], now: Sequence[Record], *, names: str) 
     """
     before, after = ({_key(record): record for record in records} for records in (baseline, now))
     for key in sorted(before.keys() & after.keys()):
-        if why := _unlike(before[key], after[key]):
+        if why := unlike(before[key], after[key], names=("in the baseline", "now")):
             raise InputError(
                 f"{key[0]} is not the same scene in {names}: {why}; the simulator, its seed or its "
                 "objects changed: run the benchmark again and make it the baseline with "
@@ -236,22 +237,6 @@ def _value(record: Record, metric: Gated) -> float:
     if value is None:
         value = metric.undefined
     return np.nan if value is None else value
-
-
-def _unlike(before: Record, after: Record) -> str | None:
-    """Say why two records of one scene id are not of one scene."""
-    if "failed" in (before.status, after.status):
-        return None
-    drawn = test_set_of(before.completion) != COMPLETED
-    points = ("test_points",) if drawn else ()
-    for what in ("seed", "object_name", "redraws", *points):
-        there, here = getattr(before, what), getattr(after, what)
-        if there != here:
-            return f"its {what.replace('_', ' ')} is {there} in the baseline and {here} now"
-    there, here = before.base_rate or 0.0, after.base_rate or 0.0
-    if drawn and abs(there - here) > SAME_SCENE:
-        return f"its base rate is {there:.3f} in the baseline and {here:.3f} now"
-    return None
 
 
 def _losses(before: Mapping[Key, Record], after: Mapping[Key, Record]) -> list[Lost]:

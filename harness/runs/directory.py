@@ -118,6 +118,8 @@ class RunDirectory:
                 raise InputError(
                     f"{path} is no run's manifest: no {kind.__name__} '{key}'; {remedy}"
                 )
+        if odd := next(_odd_parts(found), None):
+            raise InputError(f"{path} is no run's manifest: {odd}; {remedy}")
         return found
 
     def shard(self) -> Shard | None:
@@ -145,7 +147,13 @@ class RunDirectory:
         InputError
             The run has none of the scene, or it is damaged.
         """
-        return read_recording(self._recording(scene_id))
+        recording = read_recording(self._recording(scene_id))
+        if recording.scene_id != scene_id:
+            raise InputError(
+                f"{self._recording(scene_id)} is of scene {recording.scene_id}; delete it and "
+                "resume the run with `harness bench --out`"
+            )
+        return recording
 
     def finished(self, jobs: Sequence[SceneJob]) -> tuple[dict[str, SceneResult], dict[str, str]]:
         """Scenes that are finished, and what is wrong with those whose files are damaged.
@@ -239,3 +247,20 @@ class RunDirectory:
 def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
     """Write what a run was begun with, and its sittings."""
     write_text(folder / MANIFEST, json.dumps(manifest, indent=2) + os.linesep)
+
+
+def _odd_parts(manifest: Mapping[str, Any]) -> Iterator[str]:
+    """Complaints about what a manifest's sessions and shard hold."""
+    for session in manifest["sessions"]:
+        if not isinstance(session, dict):
+            yield f"a session is {session!r}"
+            continue
+        for name in ("git", "packages", "machine"):
+            if not isinstance(session.get(name, {}), dict):
+                yield f"a session's {name} is {session[name]!r}"
+    shard = manifest.get("shard")
+    if shard is None:
+        return
+    numbers = [shard.get(name) for name in ("index", "count")] if isinstance(shard, dict) else []
+    if len(numbers) < 2 or not all(type(number) is int for number in numbers):
+        yield f"shard is {shard!r}"

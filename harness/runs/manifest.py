@@ -10,6 +10,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from harness.runs.code import scene_code_digest
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -38,6 +40,7 @@ def describe_session() -> dict[str, Any]:
     return {
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "git": git_state(Path(__file__)),
+        "code": scene_code_digest(),
         "python": platform.python_version(),
         "packages": package_versions(),
         "machine": {
@@ -53,7 +56,7 @@ def differing_code(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[
     """In what two sittings' code differs: ``first -> second`` by kind."""
     return {
         what: f"{first.get(what)} -> {second.get(what)}"
-        for what in ("git", "packages", "python")
+        for what in ("git", "code", "packages", "python")
         if first.get(what) != second.get(what)
     }
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from harness.runs.confusion import Confusion
     from harness.runs.job import SceneJob
 
-SCHEMA_VERSION = 4
+SCHEMA_VERSION = 5
 """Counts up with every change of a column's name, type or meaning."""
 
 METRICS = (
@@ -91,6 +91,10 @@ class Record:
         probability of 0 to lie on it; a completed set has none, and failed.
     redraws
         Arrangements thrown away before one was reachable.
+    camera_distance_m, visible_share
+        Distance of the cameras from the middle of the target's box, and share of a view's pixels
+        that show the target, means over views: scenes of one id that differ in them are not the
+        same scene. The share is null where no true masks are known.
     object_training_points, free_training_points
         Training points of the target's category, and of free space; neighbours have the rest.
     tp, tn, fp, fn
@@ -137,6 +141,8 @@ class Record:
     failure: str | None = None
     target_missed: bool = False
     redraws: int | None = None
+    camera_distance_m: float | None = None
+    visible_share: float | None = None
     test_points: int | None = None
     object_training_points: int | None = None
     free_training_points: int | None = None

@@ -144,7 +144,7 @@ def test_what_the_baseline_had_lost_already_is_no_loss() -> None:
         ({"seed": 7}, "its seed is 0 in the baseline and 7 now"),
         ({"redraws": 1}, "its redraws is 0 in the baseline and 1 now"),
         ({"object_name": "x"}, "its object name is mug_0 in the baseline and x now"),
-        ({"base_rate": 0.42}, "its base rate is 0.400 in the baseline and 0.420 now"),
+        ({"base_rate": 0.42}, "its base rate is 0.4 in the baseline and 0.42 now"),
     ],
 )
 def test_a_scene_that_is_another_is_refused(change: dict[str, object], why: str) -> None:
