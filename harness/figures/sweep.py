@@ -53,6 +53,9 @@ LOG_RATIO = 8.0
 DODGE = 0.35
 """Share of the least gap between two steps over which models stand beside each other."""
 
+LETTER = 0.042
+"""Width of a letter, by that of the narrowest panel."""
+
 Step = float | str
 
 
@@ -307,6 +310,15 @@ def is_logarithmic(places: npt.NDArray[np.float64]) -> bool:
     return bool(places.min() > 0 and places.max() / places.min() >= LOG_RATIO)
 
 
+def is_crowded(places: npt.NDArray[np.float64], names: Sequence[str]) -> bool:
+    """Whether names (n,) under their places (n,) on an axis would touch each other."""
+    along = np.log(places) if is_logarithmic(places) else places
+    along = (along - along[0]) / (along[-1] - along[0])
+    lengths = np.array([len(name) for name in names])
+    needed = (lengths[1:] + lengths[:-1] + 2) / 2 * LETTER
+    return bool((np.diff(along) < needed).any())
+
+
 def _finish(axes: Axes, sweep: Sweep, *, bottom: bool) -> None:
     places = sweep.positions()
     if is_logarithmic(places):
@@ -318,6 +330,9 @@ def _finish(axes: Axes, sweep: Sweep, *, bottom: bool) -> None:
     axes.set_xticks(places, names)
     axes.minorticks_off()
     axes.tick_params(axis="x", labelbottom=bottom)
+    if is_crowded(places, names):
+        for label in axes.get_xticklabels():
+            label.set(rotation=45, ha="right", rotation_mode="anchor")
     if bottom:
         axes.set_xlabel(sweep.label)
 

@@ -22,6 +22,7 @@ from harness.figures.style import SEED, model_style, publication, write_web_figu
 from harness.figures.sweep import (
     Sweep,
     draw_sweep,
+    is_crowded,
     is_logarithmic,
     read_sweeps,
     step_means,
@@ -249,6 +250,12 @@ def test_wide_axes_are_logarithmic() -> None:
     assert is_logarithmic(np.array([200.0, 7200.0]))
     assert not is_logarithmic(np.array([1.0, 5.0]))
     assert not is_logarithmic(np.array([0.0, 100.0])), "zero has no logarithm"
+
+
+def test_crowded_names_are_told_from_those_that_fit() -> None:
+    assert not is_crowded(np.array([0.0, 1.0, 2.0]), ["0", "1", "2"])
+    assert is_crowded(np.array([1.0, 7.5, 10.0, 100.0]), ["1", "7.5", "10", "100"])
+    assert is_crowded(np.arange(6.0), ["association"] * 6)
 
 
 def test_panels_are_classes_and_test_sets_unless_the_axis_chooses_these(tmp_path: Path) -> None:
