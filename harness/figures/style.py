@@ -157,7 +157,7 @@ def hex_of(rgb: npt.NDArray[np.uint8]) -> str:
     return "#" + bytes(rgb.tolist()).hex().upper()
 
 
-def confidence_colours(confidence: npt.NDArray[np.float64]) -> npt.NDArray[np.uint8]:
+def confidence_colours(confidence: npt.NDArray[np.floating]) -> npt.NDArray[np.uint8]:
     """Colours (n, 3) of confidences (n,) in [0, 1]."""
     return np.asarray(CONFIDENCE_COLOURS(confidence)[:, :3] * 255).round().astype(np.uint8)
 
