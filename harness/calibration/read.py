@@ -11,7 +11,8 @@ import numpy as np
 
 from harness.calibration.series import ScenePoints, scene_points
 from harness.errors import InputError
-from harness.runs.directory import RunDirectory
+from harness.results import finished_run
+from harness.runs.records import read_records
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
     from harness.config import Config
     from harness.recordings.recording import Recording
+    from harness.runs.directory import RunDirectory
 
 BOX = "none"
 """The test set that is no completion's."""
@@ -46,6 +48,8 @@ class RecordedPoints:
         set, for want of a completion, are left out.
     empty_classes
         Classes of the run without a recorded scene, for all failed.
+    lost_scenes
+        Scored scenes whose recording is missing.
     """
 
     folder: Path
@@ -56,6 +60,7 @@ class RecordedPoints:
     models: tuple[str, ...]
     cells: Mapping[Cell, Sequence[ScenePoints]]
     empty_classes: tuple[str, ...]
+    lost_scenes: tuple[str, ...]
 
 
 def read_points(
@@ -65,26 +70,32 @@ def read_points(
     classes: Sequence[str] = (),
     completions: Sequence[str] = (),
     tolerance_m: float | None = None,
+    partly: bool = False,
 ) -> RecordedPoints:
     """Read answers from a finished run's recordings.
+
+    Scenes that failed do not count, and what an earlier sitting recorded of them is left alone.
 
     Parameters
     ----------
     run
-        The run; every scene that did not fail must have its recording.
+        The run.
     models, classes, completions
         Which; all of the run where none is named.
     tolerance_m
         Distance within which a point lies on a mesh, metres; by default the one that the run
         reports. Any will do, for distances are recorded.
+    partly
+        Read what there is where recordings of scored scenes are missing.
 
     Raises
     ------
     InputError
-        No run, an unfinished one or one without recordings; a damaged recording; a model, class or
+        No run, an unfinished one, one of another record schema or one without recordings; a scored
+        scene without its recording, unless `partly`; a damaged recording; a model, class or
         completion that the run does not have; a tolerance that is no distance.
     """
-    config, scene_ids = _recorded(run)
+    config, scene_ids, lost = _recorded(run, partly=partly)
     if tolerance_m is None:
         tolerance_m = config.protocol.reported_tolerance_m
     if not (math.isfinite(tolerance_m) and tolerance_m > 0):
@@ -129,30 +140,30 @@ def read_points(
         models=tuple(dict.fromkeys(model for _, _, model in cells)),
         cells=cells,
         empty_classes=empty,
+        lost_scenes=lost,
     )
 
 
-def _recorded(run: RunDirectory) -> tuple[Config, list[str]]:
-    """Return the configuration and the scenes of a run that is finished and whole."""
+def _recorded(run: RunDirectory, *, partly: bool) -> tuple[Config, list[str], tuple[str, ...]]:
+    """Return a finished run's configuration, its recorded scenes and those that lack it."""
     folder = run.folder
-    if not RunDirectory.is_run(folder):
-        raise InputError(f"{folder} holds no run; pass the folder that `harness bench` named")
-    config = run.config()
-    if not run.records_path.exists():
-        raise InputError(f"{folder} is unfinished; finish it with `harness bench --out {folder}`")
-    scene_ids = run.recorded()
-    if not scene_ids:
+    config = finished_run(folder).config()
+    recorded = set(run.recorded())
+    if not recorded:
         raise InputError(
             f"{folder} has no recordings; run it again, into another folder, with "
             '`[run] record = "all"`'
         )
-    finished = {path.stem for path in (folder / "scenes").glob("*.json")}
-    if lost := sorted(finished - set(scene_ids)):
+    # What the records call scored, for a failed scene may have a recording from before.
+    records = read_records(run.records_path)
+    scored = {record.scene_id for record in records if record.status == "ok"}
+    lost = sorted(scored - recorded)
+    if lost and not partly:
         raise InputError(
-            f"{folder} has no recording of {len(lost)} of its {len(finished)} scenes (the first: "
+            f"{folder} has no recording of {len(lost)} of its {len(scored)} scenes (the first: "
             f"{lost[0]}); make them again with `harness bench --out {folder}`"
         )
-    return config, scene_ids
+    return config, sorted(scored & recorded), tuple(lost)
 
 
 def _check_numbers(run: RunDirectory, recording: Recording, models: Sequence[str]) -> None:

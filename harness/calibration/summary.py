@@ -120,12 +120,15 @@ class Calibration:
         By class, completion (the box first) and model, in the run's order.
     empty_classes
         Classes of the run without a recorded scene, for all failed.
+    lost_scenes
+        Scored scenes whose recording is missing; none unless they were allowed to.
     """
 
     folder: Path
     tolerance_m: float
     cells: tuple[CalibrationCell, ...]
     empty_classes: tuple[str, ...]
+    lost_scenes: tuple[str, ...]
 
     def cell(self, category: str, *, completion: str, model: str) -> CalibrationCell | None:
         """Return a cell; None where the run has no point of it."""
@@ -142,6 +145,7 @@ def summarise_run(
     classes: Sequence[str] = (),
     completions: Sequence[str] = (),
     tolerance_m: float | None = None,
+    partly: bool = False,
 ) -> Calibration:
     """Summarise a finished run's calibration from its recordings.
 
@@ -154,6 +158,8 @@ def summarise_run(
     tolerance_m
         Distance within which a point lies on a mesh, metres; by default the one that the run
         reports.
+    partly
+        Summarise what there is where recordings of scored scenes are missing.
 
     Raises
     ------
@@ -161,7 +167,12 @@ def summarise_run(
         As `harness.calibration.read.read_points`.
     """
     read = read_points(
-        run, models=models, classes=classes, completions=completions, tolerance_m=tolerance_m
+        run,
+        models=models,
+        classes=classes,
+        completions=completions,
+        tolerance_m=tolerance_m,
+        partly=partly,
     )
     cells = [
         summarise_cell(read.cells[category, completion, model], seed=read.seed)
@@ -175,6 +186,7 @@ def summarise_run(
         tolerance_m=read.tolerance_m,
         cells=tuple(cells),
         empty_classes=read.empty_classes,
+        lost_scenes=read.lost_scenes,
     )
 
 

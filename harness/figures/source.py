@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from harness.calibration.read import read_points
 from harness.errors import InputError
 from harness.figures.style import plain
+from harness.results import finished_run
 from harness.runs.directory import RunDirectory
 from harness.runs.records import read_records
 from harness.table.differences import cell_order
@@ -80,15 +81,9 @@ class RunSource:
         Raises
         ------
         InputError
-            The folder holds no run, or an unfinished or damaged one.
+            The folder holds no run, an unfinished or damaged one, or one of another record schema.
         """
-        if not RunDirectory.is_run(folder):
-            raise InputError(f"{folder} holds no run; pass the folder that `harness bench` named")
-        run = RunDirectory(folder)
-        if not run.records_path.exists():
-            raise InputError(
-                f"{folder} is unfinished; finish it with `harness bench --out {folder}`"
-            )
+        run = finished_run(folder)
         return cls(run=run, config=run.config(), records=read_records(run.records_path))
 
     @property

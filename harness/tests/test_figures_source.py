@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import os
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -101,3 +102,11 @@ def test_folders_that_hold_no_finished_run_are_refused(tmp_path: Path) -> None:
         RunSource.open(run)
     with pytest.raises(InputError, match="holds no finished run"):
         newest_run(tmp_path)
+
+
+def test_a_run_of_another_record_schema_is_refused(tmp_path: Path) -> None:
+    run = write_run(tmp_path / "run", objects=1, record_scenes=False).folder
+    old = json.loads((run / "manifest.json").read_text("utf-8")) | {"schema_version": 3}
+    (run / "manifest.json").write_text(json.dumps(old), "utf-8")
+    with pytest.raises(InputError, match="run was written with record schema 3, this version"):
+        RunSource.open(run)

@@ -178,12 +178,30 @@ def test_a_damaged_recording_is_named(folder: Path) -> None:
 
 def test_a_recording_of_another_scene_is_named(folder: Path) -> None:
     (folder / "recordings" / "mug-0000.npz").replace(folder / "recordings" / "mug-0001.npz")
-    with pytest.raises(InputError) as refused:
+    with pytest.raises(InputError, match=r"mug-0001\.npz is of scene mug-0000; delete it"):
         view_scene(options(folder, scene="mug-0001"), say=nothing)
+
+
+def test_a_recording_without_a_view_is_named(folder: Path) -> None:
+    file = folder / "recordings" / "mug-0000.npz"
+    file.write_bytes(encode(replace(recording(), views=())))
+    with pytest.raises(InputError) as refused:
+        view_scene(options(folder), say=nothing)
     assert said(refused) == (
-        f"{folder / 'recordings' / 'mug-0001.npz'} is damaged (it holds 2 views of scene "
-        f"mug-0000); delete it and resume the run with `harness bench --out {folder}`"
+        f"{file} is damaged (it holds 0 views and {len(recording().objects)} objects); delete it "
+        f"and resume the run with `harness bench --out {folder}`"
     )
+
+
+@pytest.mark.parametrize("finished", [True, False])
+def test_a_run_of_another_record_schema_is_refused(folder: Path, *, finished: bool) -> None:
+    manifest = folder / "manifest.json"
+    old = json.loads(manifest.read_text("utf-8")) | {"schema_version": 3}
+    manifest.write_text(json.dumps(old), "utf-8")
+    if not finished:
+        (folder / "records.parquet").unlink()
+    with pytest.raises(InputError, match="main was written with record schema 3, this version"):
+        view_scene(options(folder), say=nothing)
 
 
 def test_damaged_records_are_named(folder: Path) -> None:

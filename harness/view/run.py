@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 from harness.errors import InputError
 from harness.native import CLASS_NAMES
+from harness.results import open_checked
 from harness.runs.atomic import write_atomically
-from harness.runs.directory import RunDirectory
 from harness.runs.records import read_records
 from harness.view.viewer import check_display, check_ports, serve, show, web_address
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from harness.recordings.recording import Recording
+    from harness.runs.directory import RunDirectory
     from harness.runs.records import Record
 
 SUFFIX = ".rrd"
@@ -95,13 +96,13 @@ def view_scene(options: ViewOptions, *, say: Callable[[str], object]) -> ViewRes
     Raises
     ------
     InputError
-        A package that is missing, a run without such a recording, a recording or records that are
-        damaged, a model that was not asked, no display, a port that is taken, a file that cannot
-        be written.
+        A package that is missing, a run of another record schema or without such a recording, a
+        recording or records that are damaged, a model that was not asked, no display, a port that
+        is taken, a file that cannot be written.
     """
     _check_options(options)
     _require_rerun()
-    run = _open(options.run)
+    run = open_checked(options.run)
     scene_id = _scene_id(options)
     recording = _recording(run, scene_id)
     if options.model not in recording.answers:
@@ -157,12 +158,6 @@ def _require_rerun() -> None:
         ) from None
 
 
-def _open(folder: Path) -> RunDirectory:
-    if not RunDirectory.is_run(folder):
-        raise InputError(f"{folder} holds no run; pass the folder that `harness bench` named")
-    return RunDirectory(folder)
-
-
 def _scene_id(options: ViewOptions) -> str:
     """Id of the scene that was asked for, by id or by number and class."""
     scene, of_class = options.scene, options.of_class
@@ -195,11 +190,11 @@ def _recording(run: RunDirectory, scene_id: str) -> Recording:
             f"{', '.join(nearest)}; it has {len(recorded)}, {recorded[0]} to {recorded[-1]}"
         )
     recording = run.recording(scene_id)
-    if recording.scene_id != scene_id or not recording.views or not recording.objects:
+    if not recording.views or not recording.objects:
         raise InputError(
             f"{run.recordings / scene_id}.npz is damaged (it holds {len(recording.views)} views "
-            f"of scene {recording.scene_id}); delete it and resume the run with `harness bench "
-            f"--out {run.folder}`"
+            f"and {len(recording.objects)} objects); delete it and resume the run with "
+            f"`harness bench --out {run.folder}`"
         )
     return recording
 
