@@ -16,6 +16,7 @@ from harness.cli_parts import (
     print_line,
     stdout,
 )
+from harness.errors import InputError
 
 commands = typer.Typer()
 
@@ -140,7 +141,9 @@ def threshold(
             "--validate", help="Choose on random halves of the objects, check on the others."
         ),
     ] = False,
-    splits: Annotated[int, number_option("Random halves of --validate.")] = SPLITS,
+    splits: Annotated[
+        int | None, number_option(f"Random halves of --validate, by default {SPLITS}.")
+    ] = None,
     judge: Annotated[
         Path | None,
         typer.Option(metavar="RUN", help="Judge the threshold on a run of other objects."),
@@ -153,6 +156,8 @@ def threshold(
     from harness.calibration.threshold import Goal
     from harness.runs.directory import RunDirectory
 
+    if splits is not None and not validate:
+        raise InputError(f"--splits {splits} goes with --validate; pass that too, or leave it out")
     found = find_threshold(
         RunDirectory(run),
         ThresholdOptions(
@@ -161,7 +166,7 @@ def threshold(
             completion=completion,
             classes=tuple(of_class or ()),
             tolerance_m=tolerance_m,
-            splits=splits if validate else None,
+            splits=(SPLITS if splits is None else splits) if validate else None,
             judge=None if judge is None else RunDirectory(judge),
         ),
     )

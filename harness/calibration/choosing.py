@@ -16,6 +16,7 @@ from harness.calibration.losses import (
 from harness.calibration.read import BOX, read_points
 from harness.calibration.threshold import Choice, Goal, choose_threshold
 from harness.errors import InputError
+from harness.runs.directory import MANIFEST
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -270,13 +271,30 @@ def _check_apart(
     other: RunDirectory,
     theirs: Mapping[str, Sequence[ScenePoints]],
 ) -> None:
-    """Refuse to judge a threshold on objects that it was chosen on."""
-    names = [
-        {(scene.category, scene.object_name) for group in scenes.values() for scene in group}
-        for scenes in (ours, theirs)
-    ]
-    if shared := sorted(names[0] & names[1]):
+    """Refuse to judge a threshold on objects that it was chosen on, by their files' content."""
+    chosen_on, judged_on = _names_by_content(run, ours), _names_by_content(other, theirs)
+    if shared := sorted(
+        (judged_on[content], content) for content in chosen_on.keys() & judged_on.keys()
+    ):
+        name, content = shared[0]
+        known = chosen_on[content]
+        also = "" if known == name else f", there called {known}"
         raise InputError(
             f"{other.folder} shares {len(shared)} objects with {run.folder} (the first: "
-            f"{shared[0][1]}): a threshold is judged on objects that it was not chosen on"
+            f"{name}{also}): a threshold is judged on objects that it was not chosen on"
         )
+
+
+def _names_by_content(
+    run: RunDirectory, scenes: Mapping[str, Sequence[ScenePoints]]
+) -> dict[str, str]:
+    """Names of the objects that scenes are of, by the sha256 of their files."""
+    identities = (identity.rpartition(" sha256:") for identity in run.manifest()["objects"])
+    contents = {name: content for name, _, content in identities}
+    names = {f"{item.category}/{item.object_name}" for group in scenes.values() for item in group}
+    if unknown := sorted(names - contents.keys()):
+        raise InputError(
+            f"{run.folder / MANIFEST} does not list the object {unknown[0]}, of which the run has "
+            "scenes; it is damaged: run the benchmark again, into another folder"
+        )
+    return {contents[name]: name.partition("/")[2] for name in names}

@@ -19,11 +19,11 @@ from harness.recordings.recording import (
 )
 from harness.runs.job import SceneJob
 from harness.runs.opening import open_run
-from harness.runs.records import SceneResult, Variant, write_records
+from harness.runs.records import Record, SceneResult, Variant, write_records
 from harness.tests.fake_scenes import fake_record
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
     from pathlib import Path
 
     from harness.config import Category
@@ -133,18 +133,43 @@ def recorded_run(
     *,
     classes: Sequence[Category] = ("mug", "bowl"),
     finished: bool = True,
+    contents: Mapping[str, str] | None = None,
+    failed: Collection[str] = (),
 ) -> RunDirectory:
-    """Write a run of these scenes."""
+    """Write a run of these scenes.
+
+    Parameters
+    ----------
+    contents
+        By object, what stands for the hash of its file; by default its name.
+    failed
+        Scenes that failed in the last sitting, and whose recordings are an earlier one's.
+    """
     config = Config(
         run=RunSection(scenes=max(len(recordings), 1), classes=tuple(classes)),
         protocol=ProtocolSection(tolerances_m=(0.005,)),
     )
-    run = open_run(folder, config=config, objects=["mug/m sha256:0"])
+    names = {(item.category, item.target.name) for item in recordings}
+    run = open_run(
+        folder,
+        config=config,
+        objects=[
+            f"{category}/{name} sha256:{(contents or {}).get(name, name)}"
+            for category, name in sorted(names)
+        ],
+    )
     records = []
     for item in recordings:
         job = SceneJob(item.scene_id, item.category, item.target.name, item.seed)
         of_scene = [fake_record(job, variant=Variant("metric"), tolerance_m=0.005)]
         run.keep(job, SceneResult(of_scene, recording=encode(item)))
+        if item.scene_id in failed:
+            (folder / "scenes" / f"{item.scene_id}.json").unlink()
+            of_scene = [
+                Record.failed(
+                    job, variant=Variant("metric"), views=3, tolerance_m=0.005, failure="no arm"
+                )
+            ]
         records += of_scene
     if finished:
         write_records(records, run.records_path)

@@ -12,9 +12,11 @@ import pytest
 
 from harness import cli
 from harness.recordings.make import missed_answers
+from harness.runs.records import SCHEMA_VERSION
 from harness.tests.fake_calibration import answers, recorded_run, recording
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from harness.runs.directory import RunDirectory
@@ -24,7 +26,14 @@ Harness = Callable[..., tuple[int, str, str]]
 CONFIDENCE = np.linspace(0.005, 0.995, 100).tolist()
 
 
-def a_run(folder: Path, *, objects: int, first: int = 0, false_below: float = 0.3) -> RunDirectory:
+def a_run(
+    folder: Path,
+    *,
+    objects: int,
+    first: int = 0,
+    false_below: float = 0.3,
+    contents: Mapping[str, str] | None = None,
+) -> RunDirectory:
     """Objects of both classes whose points of less than this confidence are false."""
     truth = [confidence >= false_below for confidence in CONFIDENCE]
     scenes = []
@@ -40,7 +49,7 @@ def a_run(folder: Path, *, objects: int, first: int = 0, false_below: float = 0.
                 models={"metric": of},
             )
         )
-    return recorded_run(folder, scenes)
+    return recorded_run(folder, scenes, contents=contents)
 
 
 @pytest.fixture(scope="module")
@@ -188,6 +197,73 @@ def test_runs_that_cannot_be_read(harness: Harness, run: RunDirectory, tmp_path:
     )
 
 
+def test_a_run_of_another_record_schema(
+    harness: Harness, run: RunDirectory, tmp_path: Path
+) -> None:
+    old = tmp_path / "old"
+    shutil.copytree(run.folder, old)
+    manifest = json.loads((old / "manifest.json").read_text("utf-8")) | {"schema_version": 3}
+    (old / "manifest.json").write_text(json.dumps(manifest), "utf-8")
+    for command in ("calibration", "threshold"):
+        assert refused(harness, command, old).startswith(
+            f"{old} was written with record schema 3, this version reads {SCHEMA_VERSION}; "
+        )
+    assert refused(harness, "threshold", run.folder, "--judge", old).startswith(
+        f"{old} was written with record schema 3"
+    )
+
+
+def test_judging_tells_objects_by_their_files(
+    harness: Harness, run: RunDirectory, tmp_path: Path
+) -> None:
+    # Other meshes that go by the same names are other objects.
+    same_names = a_run(
+        tmp_path / "others", objects=2, contents={"mug_0": "another", "bowl_1": "new"}
+    )
+    code, out, _ = harness(
+        "threshold", run.folder, "--keep-precision", 0.85, "--judge", same_names.folder
+    )
+    assert code == 0
+    assert f"judged on {same_names.folder}" in out
+    renamed = a_run(tmp_path / "renamed", objects=2, first=100, contents={"mug_100": "mug_4"})
+    assert refused(harness, "threshold", run.folder, "--judge", renamed.folder) == (
+        f"{renamed.folder} shares 1 objects with {run.folder} (the first: mug_100, there called "
+        "mug_4): a threshold is judged on objects that it was not chosen on"
+    )
+
+
+def test_an_object_that_the_manifest_does_not_list(
+    harness: Harness, run: RunDirectory, tmp_path: Path
+) -> None:
+    broken, other = tmp_path / "broken", a_run(tmp_path / "other", objects=2, first=100)
+    shutil.copytree(run.folder, broken)
+    manifest = json.loads((broken / "manifest.json").read_text("utf-8"))
+    manifest["objects"].remove("bowl/bowl_1 sha256:bowl_1")
+    (broken / "manifest.json").write_text(json.dumps(manifest), "utf-8")
+    assert refused(harness, "threshold", broken, "--judge", other.folder) == (
+        f"{broken / 'manifest.json'} does not list the object bowl/bowl_1, of which the run has "
+        "scenes; it is damaged: run the benchmark again, into another folder"
+    )
+
+
+def test_what_a_failed_scene_left_is_not_read(harness: Harness, tmp_path: Path) -> None:
+    scenes = [
+        recording(
+            f"mug-{index:04d}",
+            object_name=f"mug_{index}",
+            truth=[True, False],
+            models={"metric": answers(category="mug", confidence=[0.9, 0.2])},
+        )
+        for index in range(3)
+    ]
+    run = recorded_run(tmp_path / "run", scenes, classes=["mug"], failed=["mug-0001"])
+    code, out, _ = harness("calibration", run.folder, "--json")
+    assert code == 0
+    assert json.loads(out)["cells"][0]["scenes"] == ["mug-0000", "mug-0002"]
+    code, out, _ = harness("threshold", run.folder, "--keep-precision", 0.5, "--json")
+    assert json.loads(out)["choice"]["objects"] == 2
+
+
 def test_an_answer_that_is_no_number(harness: Harness, tmp_path: Path) -> None:
     of = answers(category="mug", confidence=[0.5, np.nan], predicted=[True, True])
     item = recording("mug-0000", object_name="m", truth=[True] * 2, models={"metric": of})
@@ -237,6 +313,9 @@ def test_what_makes_no_sense(harness: Harness, run: RunDirectory, tmp_path: Path
     assert refused(harness, "threshold", folder, "--validate") == (
         "20 objects cannot be split for a validation: half of them are 10, and 0.95 needs 19; ask "
         "for less precision, or run scenes of more objects"
+    )
+    assert refused(harness, "threshold", folder, "--splits", 5) == (
+        "--splits 5 goes with --validate; pass that too, or leave it out"
     )
     (tmp_path / "file").write_text("", encoding="utf-8")
     assert refused(harness, "calibration", folder, "--out", tmp_path / "file").startswith(
