@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from harness.figures.style import MODELS
+from harness.figures.style import MODELS, confidence_colours
 from harness.pictures import CLASS_COLOURS
 from harness.table.columns import (
     CALIBRATION_COLUMNS,
@@ -16,7 +16,7 @@ from harness.table.columns import (
     SEED_COLUMNS,
 )
 from harness.view.names import set_name
-from harness.view.points import OUTCOMES, confidence_colours
+from harness.view.points import OUTCOMES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -118,7 +118,7 @@ def draw_legend(recording: Recording) -> npt.NDArray[np.uint8]:
     pen = ImageDraw.Draw(picture)
     pen.text((_MARGIN, 10), "confidence that a point lies on the target", _INK, _FONT)
     width = LEGEND_WIDTH - 2 * _MARGIN
-    ramp = confidence_colours(np.linspace(0.0, 1.0, width))[:, :3]
+    ramp = confidence_colours(np.linspace(0.0, 1.0, width))
     picture.paste(Image.fromarray(np.tile(ramp, (_BAR, 1, 1))), (_MARGIN, 34))
     for value, anchor in ((0.0, "la"), (0.25, "ma"), (0.5, "ma"), (0.75, "ma"), (1.0, "ra")):
         pen.text((_MARGIN + value * width, 62), f"{value:g}", _INK, _FONT, anchor=anchor)

@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import rerun as rr
 
-from harness.figures.style import CONFIDENCE_COLOURS
+from harness.figures.style import confidence_colours
 from harness.native import CLASS_NAMES
 from harness.pictures import CLASS_COLOURS
 from harness.view.names import CONFIDENCE, JUDGED, TIMELINE, TRAINING, set_name
 
 if TYPE_CHECKING:
-    import numpy.typing as npt
-
     from harness.recordings.recording import Recording
 
 POINT_RADIUS_M = 0.0015
@@ -28,11 +26,6 @@ OUTCOMES = {
     "false positive": (213, 94, 0),
 }
 """Colours; an outcome's place is 2 x (put on the target) + (wrongly)."""
-
-
-def confidence_colours(confidence: npt.NDArray[np.floating]) -> npt.NDArray[np.uint8]:
-    """Colours (n, 4) of confidences (n,) from 0 to 1, as in the figures."""
-    return np.asarray(CONFIDENCE_COLOURS(confidence, bytes=True), dtype=np.uint8)
 
 
 def log_answers(

@@ -8,6 +8,7 @@ import numpy as np
 import rerun as rr
 import trimesh
 
+from harness.figures.style import confidence_colours
 from harness.native import CLASS_NAMES
 from harness.pictures import CLASS_COLOURS
 from harness.view.names import (
@@ -21,7 +22,6 @@ from harness.view.names import (
     TRACKER_NAMES,
     TRUE,
 )
-from harness.view.points import confidence_colours
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
