@@ -79,6 +79,9 @@ def ablate(
         Path | None,
         typer.Option(metavar="DIR", help="By default results/ablations/NAME; one in it continues."),
     ] = None,
+    keep_old: Annotated[
+        bool, typer.Option("--keep-old", help="Take what other code computed as it is.")
+    ] = False,
     metric: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME", help=f"What to print, again for more: {', '.join(METRICS)}."),
@@ -96,7 +99,7 @@ def ablate(
     asked = metric or ["precision", "accuracy"]
     if odd := next((name for name in asked if name not in METRICS), None):
         raise InputError(f"--metric {odd}: is none; there are {', '.join(METRICS)}")
-    options = AblateOptions(file=file, scenes=scenes, seed=seed, out=out)
+    options = AblateOptions(file=file, scenes=scenes, seed=seed, out=out, keep_old=keep_old)
     if dry_run:
         cells = plan_ablation(options)
         if json:
@@ -170,7 +173,7 @@ def _table(found: Ablation, group: Sequence[Entry]) -> Table:
 def _entry(item: Entry | None) -> str:
     if item is None:
         return ""
-    marked = item.q_value is not None and item.q_value < ALPHA
+    marked = item.q_value is not None and item.q_value <= ALPHA
     return compact(item.estimate.mean) + ("*" if marked else " ")
 
 
@@ -181,8 +184,8 @@ def _about(found: Ablation) -> str:
     stages = ", ".join(f"{stage} {count}" for stage, count in found.stages.items()) or "none"
     return (
         f"Means over scenes; * differs from the first cell (paired by scene, objects change sign "
-        f"together, q < {ALPHA:g} by Benjamini-Hochberg over the ablation). Where no * stands, a "
-        f"difference was not detected; {SUMMARY} says how large one would have been.\n"
+        f"together, q <= {ALPHA:g} by Benjamini-Hochberg over the ablation). Where no * stands, a "
+        f"difference was not detected; {SUMMARY} says how great a lone one would have to be.\n"
         f"{found.scenes} scenes of {len(found.cells)} cells, {found.computed} of them computed now"
         f"{failed}, in {found.seconds:.0f} s; stages computed: {stages}.\n"
         f"Written to {found.folder} ({RECORDS}, {SUMMARY}; each cell is a run under cells)"

@@ -187,7 +187,6 @@ def conclude_run(
 ) -> Table:
     """Write records, confusion, timings and tables of all scenes, finished and lost."""
     records = [*(record for result in finished.values() for record in result.records), *lost]
-    write_records(records, run.records_path)
     write_confusion(
         [row for result in finished.values() for row in result.confusion], run.confusion_path
     )
@@ -198,4 +197,6 @@ def conclude_run(
     run.write_tables(
         {"md": render_markdown(table), "csv": render_csv(table), "tex": render_latex(table)}
     )
+    # The last of all: with it the run is a finished one.
+    write_records(records, run.records_path)
     return table

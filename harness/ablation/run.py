@@ -31,7 +31,9 @@ from harness.bench import Wiring
 from harness.config import Override
 from harness.engines.engine import SceneDone, SceneFailed, Work, WorkerDied
 from harness.engines.local import LocalEngine
+from harness.errors import InputError
 from harness.runs.atomic import DiskError, write_text
+from harness.runs.code import scene_code_digest
 from harness.runs.job import SceneJob, object_identity, plan_jobs
 from harness.runs.opening import open_run
 from harness.runs.progress import Progress, SilentProgress
@@ -49,6 +51,7 @@ if TYPE_CHECKING:
 
 RECORDS = "ablation.parquet"
 SUMMARY = "summary.csv"
+SPEC = "ablation.toml"
 
 
 @dataclass(frozen=True)
@@ -63,12 +66,15 @@ class AblateOptions:
         In place of the base's ``run.scenes`` and ``run.seed``.
     out
         Folder to write, by default ``results/ablations/NAME``; one in it continues.
+    keep_old
+        Take what other code computed as it is, in place of a refusal.
     """
 
     file: str
     scenes: int | None = None
     seed: int | None = None
     out: Path | None = None
+    keep_old: bool = False
 
 
 @dataclass(frozen=True)
@@ -148,7 +154,12 @@ def run_ablation(
     stages: dict[str, int] = {}
     with ExitStack() as sessions:
         runs = _open_cells(
-            cells, folder=folder, wiring=wiring, sessions=sessions, progress=progress
+            cells,
+            folder=folder,
+            keep_old=options.keep_old,
+            wiring=wiring,
+            sessions=sessions,
+            progress=progress,
         )
         logs = folder / "logs"
         logs.mkdir(exist_ok=True)
@@ -176,7 +187,7 @@ def run_ablation(
         summary = summarise_cells(cells, frame, seed=cells[0].config.run.seed)
         write_parquet(frame, folder / RECORDS)
         write_text(folder / SUMMARY, summary.csv())
-        write_text(folder / "ablation.toml", spec.source.read_text(encoding="utf-8"))
+        _keep_spec(spec, options, folder=folder, progress=progress)
     return Ablation(
         folder=folder,
         cells=cells,
@@ -207,6 +218,23 @@ def _cells(spec: AblationSpec, options: AblateOptions, *, wiring: Wiring) -> lis
     return spec.cells(overrides=overrides, check_pipeline=wiring.check_pipeline)
 
 
+def _keep_spec(
+    spec: AblationSpec, options: AblateOptions, *, folder: Path, progress: Progress
+) -> None:
+    """Keep the grid beside its table, and say where it takes another grid's place."""
+    asked = {"--scenes": options.scenes, "--seed": options.seed}
+    chosen = " ".join(f"{name} {value}" for name, value in asked.items() if value is not None)
+    text = f"# harness ablate {spec.source.stem} {chosen}".rstrip() + "\n"
+    text += spec.source.read_text(encoding="utf-8")
+    path = folder / SPEC
+    if path.is_file() and path.read_text(encoding="utf-8") != text:
+        progress.note(
+            f"{folder / RECORDS} and {SUMMARY} held another grid, or other scenes of it; they are "
+            "replaced, its cells are kept"
+        )
+    write_text(path, text)
+
+
 def _key(cell: Cell) -> str:
     return cell.config.short_hash()
 
@@ -215,6 +243,7 @@ def _open_cells(
     cells: Sequence[Cell],
     *,
     folder: Path,
+    keep_old: bool,
     wiring: Wiring,
     sessions: ExitStack,
     progress: Progress,
@@ -224,9 +253,14 @@ def _open_cells(
     models = {}
     said: set[str] = set()
     for cell in cells:
-        if _key(cell) in runs:
-            continue
         config = cell.config
+        if (known := runs.get(_key(cell))) is not None:
+            if known.config.identity() != config.identity():
+                raise InputError(
+                    f"cell {cell.index} ({cell}) has the short hash of another cell, "
+                    f"{_key(cell)}; change any setting of either, such as run.scenes"
+                )
+            continue
         place = config.scenes.objects
         if place not in models:
             objects = wiring.load_objects(place)
@@ -236,6 +270,8 @@ def _open_cells(
         run = open_run(folder / "cells" / _key(cell), config=config, objects=identities)
         notes = sessions.enter_context(run.session())
         finished, damaged = run.finished(jobs)
+        if finished and not keep_old:
+            _check_code(run, cell)
         notes += [f"{scene} is computed again: {why}" for scene, why in damaged.items()]
         for note in notes:
             if note not in said:
@@ -243,6 +279,24 @@ def _open_cells(
         said.update(notes)
         runs[_key(cell)] = _CellRun(config, run, jobs, finished, {})
     return runs
+
+
+def _check_code(run: RunDirectory, cell: Cell) -> None:
+    """Refuse to set scenes that other code computed beside those that this code will.
+
+    Raises
+    ------
+    InputError
+        A sitting at the run, the one that has just begun left out, had other code.
+    """
+    ours = scene_code_digest()
+    for session in run.manifest()["sessions"][:-1]:
+        if session.get("code") != ours:
+            raise InputError(
+                f"{run.folder}, cell {cell.index} ({cell}), was computed by other code "
+                f"({session.get('code')}, now {ours}); pass another --out, or --keep-old to take "
+                "it as it is"
+            )
 
 
 def _waiting(runs: Mapping[str, _CellRun]) -> list[SceneCells]:
@@ -303,8 +357,8 @@ def _keep(
 
 
 def _conclude(item: _CellRun, *, wiring: Wiring) -> None:
-    """Write the run's records and tables, unless they stand and nothing was added."""
-    if item.run.records_path.exists() and not item.changed and not item.failures:
+    """Write the run's records and tables, unless they stand and are newer than every scene."""
+    if not item.failures and not item.changed and item.run.is_concluded():
         return
     failed = [(job, item.config.scenes.views) for job in item.jobs if job.scene_id in item.failures]
     lost = failed_records(failed, item.failures, config=item.config, wiring=wiring)

@@ -128,24 +128,29 @@ class AblationSpec:
         InputError
             A key that no configuration has, or a value that it refuses; the cell is named.
         """
+        _check_apart(self.axes, overrides, source=str(self.source))
         cells = []
         for index, steps in enumerate(itertools.product(*(axis.steps for axis in self.axes))):
             labels = {axis.name: step.label for axis, step in zip(self.axes, steps, strict=True)}
             table = copy.deepcopy(dict(self.base))
-            if "record" not in table.get("run", {}):
+            if "record" not in table.setdefault("run", {}):
                 set_key(table, _RECORD.key, _RECORD.value, source=str(self.source))
             for step in steps:
                 for key, value in step.settings.items():
                     set_key(table, key, value, source=str(self.source))
             named = ", ".join(f"{axis} = {label!r}" for axis, label in labels.items())
+            source = f"{self.source} ({named})" if named else str(self.source)
             config = config_of(
                 table,
-                source=f"{self.source} ({named})" if named else str(self.source),
+                source=source,
                 folder=self.source.resolve().parent,
                 overrides=overrides,
                 check_pipeline=check_pipeline,
             )
-            cells.append(Cell(index, labels, check_test_sets(config)))
+            try:
+                cells.append(Cell(index, labels, check_test_sets(config)))
+            except InputError as error:
+                raise InputError(f"{source}: {error}") from None
         return cells
 
 
@@ -193,6 +198,11 @@ def read_spec(path: Path) -> AblationSpec:
     for name in _TABLES:
         if not isinstance(table.get(name, {}), dict):
             raise InputError(f"{path}: {name} should be a table; write [{name}] and its keys below")
+    for section, value in table.get("base", {}).items():
+        if not isinstance(value, dict):
+            raise InputError(
+                f"{path}: base.{section} = {value!r}: should be a table; write [base.{section}]"
+            )
     axes = (
         *(_grid_axis(key, values, path) for key, values in _flatten(table.get("grid", {}))),
         *(_choice_axis(name, steps, path) for name, steps in table.get("choices", {}).items()),
@@ -234,13 +244,30 @@ def _grid_axis(key: str, values: Any, path: Path) -> Axis:
 
 
 def _choice_axis(name: str, steps: Any, path: Path) -> Axis:
-    if not isinstance(steps, dict) or not all(isinstance(step, dict) for step in steps.values()):
+    if not isinstance(steps, dict) or not steps or not all(map(_is_table, steps.values())):
         raise InputError(
             f"{path}: [choices.{name}] should hold a table for each step, such as "
             f"[choices.{name}.off]"
         )
     made = (Step(label, dict(_flatten(step))) for label, step in steps.items())
     return _checked(Axis(name, tuple(made)), path)
+
+
+def _is_table(value: object) -> bool:
+    return isinstance(value, dict)
+
+
+def _check_apart(axes: Sequence[Axis], overrides: Sequence[Override], *, source: str) -> None:
+    """Refuse two that set one key, or a key within another's: one would lie about its cells."""
+    setters = [(axis.name, {key for step in axis.steps for key in step.settings}) for axis in axes]
+    setters += [(override.option, {override.key}) for override in overrides]
+    for (first, ours), (second, theirs) in itertools.combinations(setters, 2):
+        for key, other in itertools.product(sorted(ours), sorted(theirs)):
+            if f"{key}.".startswith(f"{other}.") or f"{other}.".startswith(f"{key}."):
+                raise InputError(
+                    f"{source}: {first} and {second} both set {min(key, other, key=len)}; "
+                    "leave it to one of them"
+                )
 
 
 def _checked(axis: Axis, path: Path) -> Axis:

@@ -31,7 +31,10 @@ METRICS = tuple(column.key for column in DIFFERENCE_COLUMNS)
 _FIRST = " of the first"
 
 Group = tuple[str, str, str]
-"""Class, test set and model: what is compared between cells."""
+"""Class, test set and model: what is compared between cells. Where each cell has a model of its
+own, it is `VARIED`."""
+
+VARIED = "(varied)"
 
 
 @dataclass(frozen=True)
@@ -51,8 +54,8 @@ class Entry:
     difference
         Less the first cell's, on the scenes that are the same in both; None of the first.
     q_value
-        Its p-value, corrected by Benjamini and Hochberg over all differences of the ablation in
-        this metric; None where there is none.
+        Its p-value, corrected by Benjamini and Hochberg over all differences of the ablation; None
+        where there is none.
     """
 
     cell: int
@@ -135,6 +138,9 @@ def summarise_cells(cells: Sequence[Cell], frame: pl.DataFrame, *, seed: int) ->
         )
         .alias("test_set")
     )
+    alone = ok.group_by("cell").agg(pl.col("model").n_unique())["model"].to_list()
+    if set(alone) == {1} and ok["model"].n_unique() > 1:
+        ok = ok.with_columns(pl.lit(VARIED).alias("model"))
     order = {name: place for place, name in enumerate(ok["category"].unique(maintain_order=True))}
     parts = {
         (str(category), str(test_set), str(model), int(cell)): part
@@ -142,26 +148,24 @@ def summarise_cells(cells: Sequence[Cell], frame: pl.DataFrame, *, seed: int) ->
             ["category", "test_set", "model", "cell"], as_dict=True
         ).items()
     }
-    entries: list[Entry] = []
-    for metric in METRICS:
-        found = []
-        for key in sorted(parts, key=lambda key: (order[key[0]], *key)):
-            part, first = parts[key], parts.get((*key[:3], 0))
-            found.append(
-                Entry(
-                    cell=key[3],
-                    group=key[:3],
-                    completion=" and ".join(sorted(part["completion"].unique())),
-                    metric=metric,
-                    estimate=_mean(part, metric, seed=seed),
-                    difference=(
-                        None if key[3] == 0 or first is None else _less(part, first, metric, seed)
-                    ),
-                    q_value=None,
-                )
-            )
-        entries += _with_q_values(found)
-    return Summary([cell.labels for cell in cells], entries)
+    entries = [
+        Entry(
+            cell=key[3],
+            group=key[:3],
+            completion=" and ".join(sorted(parts[key]["completion"].unique())),
+            metric=metric,
+            estimate=_mean(parts[key], metric, seed=seed),
+            difference=(
+                _less(parts[key], parts[*key[:3], 0], metric, seed)
+                if key[3] != 0 and (*key[:3], 0) in parts
+                else None
+            ),
+            q_value=None,
+        )
+        for metric in METRICS
+        for key in sorted(parts, key=lambda key: (order[key[0]], *key))
+    ]
+    return Summary([cell.labels for cell in cells], _with_q_values(entries))
 
 
 def _mean(part: pl.DataFrame, metric: str, *, seed: int) -> MeanEstimate:

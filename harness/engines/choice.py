@@ -30,8 +30,10 @@ def make_engine(name: EngineName, *, address: str | None, workers: int | None) -
     Raises
     ------
     InputError
-        An address for the local engine; Ray is missing, or no cluster answers.
+        No worker at all; an address for the local engine; Ray is missing, or no cluster answers.
     """
+    if workers is not None and workers < 1:
+        raise InputError(f"--workers {workers}: should be at least 1")
     if name == "local":
         if address is not None:
             raise InputError(f"--address {address} is a Ray cluster's; pass --engine ray with it")

@@ -195,6 +195,13 @@ class RunDirectory:
                     link_or_copy(recording, self._recording(name))
                 link_or_copy(part._scenes / f"{name}.json", self._scenes / f"{name}.json")
 
+    def is_concluded(self) -> bool:
+        """Whether the records, which are written last, are newer than every finished scene."""
+        if not self.records_path.exists():
+            return False
+        scenes = (path.stat().st_mtime_ns for path in self._scenes.glob("*.json"))
+        return self.records_path.stat().st_mtime_ns >= max(scenes, default=0)
+
     def write_tables(self, texts: Mapping[str, str]) -> None:
         """Write ``table.<suffix>`` for each suffix."""
         for suffix, text in texts.items():

@@ -75,10 +75,10 @@ def verdict(item: Contrast) -> tuple[str, str]:
         return "the same", "in every scene"
     detectable = _compact_least(item.minimum_detectable)
     if item.detected:
-        return "detected;", f"this run could detect {detectable}"
+        return "detected;", f"one test could detect {detectable}"
     if item.p_value <= ALPHA:
         return "not detected;", f"alone it would be ({detectable})"
-    return "not detected;", f"this run could detect {detectable}"
+    return "not detected;", f"one test could detect {detectable}"
 
 
 def _compact_least(value: float | None) -> str:
@@ -176,9 +176,10 @@ TESTS = (
     "over all differences of the table at the tolerance: 'detected' is q up to "
     f"{compact(ALPHA)}, so that of all that is called detected {_percent(ALPHA)} at most, on "
     "average, is not there. The effect is the mean over objects in standard deviations of the "
-    "objects (Hedges' g). This run could detect: the least true difference that a single test at "
-    f"{_percent(ALPHA)} finds in {_percent(POWER)} of such runs; where none was detected, a "
-    "smaller one may still be there. 'Alone it would be': p is small enough, q is not."
+    "objects (Hedges' g). One test could detect: the least true difference that a single test at "
+    f"{_percent(ALPHA)} finds in {_percent(POWER)} of such runs; a lone difference among many "
+    "needs to be greater, and where none was detected, one may still be there. 'Alone it would be': p is "
+    "small enough, q is not."
 )
 """What is said of differences."""
 

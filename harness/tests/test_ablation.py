@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import time
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import polars as pl
 import pytest
@@ -13,9 +14,11 @@ from harness import cli
 from harness.ablation.cells import run_cells
 from harness.ablation.frame import read_cell
 from harness.ablation.job import CellScene, SceneCells
-from harness.ablation.run import RECORDS, AblateOptions, run_ablation
+from harness.ablation.run import RECORDS, AblateOptions, plan_ablation, run_ablation
 from harness.ablation.spec import Cell, find_spec, read_spec, ready_grids
+from harness.ablation.summary import VARIED
 from harness.bench import load_objects
+from harness.engines.choice import make_engine
 from harness.errors import InputError
 from harness.runs.directory import RunDirectory
 from harness.runs.job import plan_jobs
@@ -307,3 +310,85 @@ pipeline.completer = "cloud"
     assert (found.computed["map"], found.computed["complete"]) == (1, 2)
     for part in job.parts:
         assert found.results[part.cell].records == run_scene(part.job, part.config).records
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "complaint"),
+    [
+        (
+            '[grid]\npipeline.completer = ["none"]\n[choices.c.on]\npipeline.completer = "cloud"\n',
+            {},
+            r"grid\.toml: pipeline\.completer and c both set pipeline\.completer; leave it to one",
+        ),
+        ("[grid]\nrun.seed = [0, 1]\n", {"seed": 5}, r"run\.seed and --seed both set run\.seed"),
+        ("[choices]\na = {}\n", {}, r"\[choices\.a\] should hold a table for each step"),
+        (
+            '[grid]\nprotocol.test_sets = [["completed"]]\n',
+            {},
+            r"grid\.toml \(protocol\.test_sets = 'completed'\): .*completer is 'none'",
+        ),
+    ],
+)
+def test_axes_that_contradict_each_other_are_refused(
+    tmp_path: Path, text: str, options: dict[str, Any], complaint: str
+) -> None:
+    with pytest.raises(InputError, match=complaint):
+        plan_ablation(AblateOptions(str(grid(tmp_path, text)), **options))
+
+
+def test_a_base_that_is_no_table_is_refused(tmp_path: Path) -> None:
+    path = grid(tmp_path, "[base]\nrun = 3\n[grid]\nscenes.views = [1]\n", base="")
+    with pytest.raises(InputError, match=r"base\.run = 3: should be a table; write \[base\.run\]"):
+        read_spec(path)
+
+
+def test_models_can_be_an_axis(tmp_path: Path) -> None:
+    text = '[grid]\npipeline.gp.models = [["nearest"], ["classic_tuned"]]\n'
+    found = run_ablation(AblateOptions(str(grid(tmp_path, text)), out=tmp_path / "out"))
+    (entry,) = (
+        item for item in found.summary.entries if item.cell == 1 and item.metric == "accuracy"
+    )
+    assert entry.group == ("mug", "box", VARIED)
+    assert entry.difference is not None
+    assert entry.difference.scenes == 1
+
+
+def test_an_interrupted_conclusion_is_made_up_for(
+    ablated: tuple[Path, Path], tmp_path: Path
+) -> None:
+    path, _ = ablated
+    out = tmp_path / "out"
+    run_ablation(AblateOptions(str(path), scenes=1, out=out))
+    (cell, _) = sorted((out / "cells").iterdir())
+    whole = {file.name: file.read_bytes() for file in cell.glob("*.parquet")}
+    for lost in ("records.parquet", "confusion.parquet", "table.md"):
+        (cell / lost).unlink()
+    # Records that are older than a scene are of another sitting.
+    other = sorted((out / "cells").iterdir())[1]
+    stale = other / "records.parquet"
+    stale.write_bytes(b"stale")
+    os.utime(stale, (0, 0))
+    again = run_ablation(AblateOptions(str(path), scenes=1, out=out))
+    assert again.computed == 0
+    assert (cell / "table.md").exists()
+    assert stale.read_bytes() != b"stale"
+    for name, content in whole.items():
+        assert name == "timings.parquet" or (cell / name).read_bytes() == content
+
+
+def test_cells_of_other_code_are_not_mixed_in_silence(
+    ablated: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, _ = ablated
+    options = AblateOptions(str(path), scenes=1, out=tmp_path / "out")
+    run_ablation(options)
+    for module in ("harness.ablation.run", "harness.runs.manifest"):
+        monkeypatch.setattr(f"{module}.scene_code_digest", lambda: "another")
+    with pytest.raises(InputError, match=r"was computed by other code .* now another\); pass"):
+        run_ablation(options)
+    assert run_ablation(replace(options, keep_old=True)).computed == 0
+
+
+def test_no_workers_are_refused() -> None:
+    with pytest.raises(InputError, match="--workers -1: should be at least 1"):
+        make_engine("local", address=None, workers=-1)

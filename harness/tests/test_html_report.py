@@ -421,7 +421,7 @@ def other_schema(run: fake.FakeRun) -> None:
             lambda run: (run.folder / "records.parquet").unlink(),
             "run is unfinished; finish it with `harness bench --out ",
         ),
-        (other_schema, "was written with record schema 3, this version reads 4; "),
+        (other_schema, "was written with record schema 3, this version reads 5; "),
         (
             lambda run: (run.folder / "records.parquet").write_bytes(b"PAR1"),
             r"records.parquet is damaged \(",

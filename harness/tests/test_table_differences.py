@@ -173,7 +173,7 @@ def contrast(mean: float | None, *, scenes: int = 8, **values: float | None) -> 
     [
         (
             contrast(0.1, p_value=0.01, q_value=0.05, minimum_detectable=0.04),
-            "detected; this run could detect .040",
+            "detected; one test could detect .040",
             True,
         ),
         (
@@ -183,12 +183,12 @@ def contrast(mean: float | None, *, scenes: int = 8, **values: float | None) -> 
         ),
         (
             contrast(0.1, p_value=0.06, q_value=0.06, minimum_detectable=0.2),
-            "not detected; this run could detect .200",
+            "not detected; one test could detect .200",
             False,
         ),
         (
             contrast(0.0, p_value=1.0, q_value=1.0, minimum_detectable=4e-4),
-            "not detected; this run could detect <.001",
+            "not detected; one test could detect <.001",
             False,
         ),
         (
