@@ -9,13 +9,23 @@ import io
 import json
 import zipfile
 from dataclasses import asdict, fields
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
 from PIL import Image
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    FiniteFloat,
+    NonNegativeInt,
+    ValidationError,
+)
 
+from harness.config import Category  # noqa: TC001 - pydantic reads annotations at run time
 from harness.errors import InputError
+from harness.native import CLASS_NAMES
 from harness.recordings.recording import (
     MappedCloud,
     ModelAnswers,
@@ -29,7 +39,7 @@ from harness.recordings.recording import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
 FORMAT = 1
@@ -178,6 +188,58 @@ def _describe(recording: Recording) -> dict[str, Any]:
     }
 
 
+class _Part(BaseModel):
+    """A part of the JSON; strict, for whoever reads it trusts its types."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
+
+
+Name = Annotated[str, Field(max_length=200)]
+Centroid = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
+
+
+class _Detection(_Part):
+    category: Category
+    score: FiniteFloat
+    object_id: int | None
+
+
+class _Tracked(_Part):
+    id: int
+    category: Category
+    score: FiniteFloat
+    centroid_world: Centroid
+
+
+class _View(_Part):
+    detections: list[_Detection]
+    tracked: list[_Tracked]
+
+
+class _Object(_Part):
+    instance_id: int
+    name: Name
+    category: Category
+
+
+class _Meta(_Part):
+    """All that is no array, as `_describe` writes it."""
+
+    format: int
+    scene_id: Name
+    category: Category
+    seed: int
+    segmenter: Name
+    completer: Name
+    views: list[_View]
+    objects: Annotated[list[_Object], Field(min_length=1)]
+    tracked: list[_Tracked]
+    target_id: int | None
+    voxel_size_m: Annotated[FiniteFloat, Field(gt=0)]
+    test_sets: list[tuple[Name, NonNegativeInt, NonNegativeInt]]
+    models: list[Name]
+
+
 class _Arrays:
     """The arrays of a file; each is checked as it is taken."""
 
@@ -203,6 +265,13 @@ class _Arrays:
             raise _DamageError(f"'{name}' is {array.dtype}{array.shape}")
         return array
 
+    def classes(self, name: str, count: int) -> npt.NDArray[np.uint8]:
+        """Take an index into `harness.native.CLASS_NAMES` for each of so many points."""
+        array = self.take(name, np.uint8, (count,))
+        if array.size and array.max() >= len(CLASS_NAMES):
+            raise _DamageError(f"'{name}' holds class {array.max()}")
+        return array
+
     def image(self, name: str, dtype: type[Any], size: tuple[int, int] | None = None) -> Array:
         """Take an image, of a given height and width unless they are None."""
         with Image.open(io.BytesIO(self.take(name, np.uint8, (None,)).tobytes())) as image:
@@ -216,39 +285,58 @@ class _Arrays:
 
 def _decode(data: bytes) -> Recording:
     arrays = _Arrays(data)
-    meta = json.loads(arrays.take("meta", np.uint8, (None,)).tobytes())
-    if meta["format"] != FORMAT:
-        raise _DamageError(f"format {meta['format']}, this version reads {FORMAT}")
-    objects = tuple(_objects(arrays, meta["objects"]))
+    meta = _meta(arrays)
+    objects = tuple(_objects(arrays, meta.objects))
     test_world = arrays.take("test_world", np.float32, (None, 3))
     count = len(test_world)
     training_world = arrays.take("training_world", np.float32, (None, 3))
     return Recording(
-        scene_id=meta["scene_id"],
-        category=meta["category"],
-        seed=meta["seed"],
-        segmenter=meta["segmenter"],
-        completer=meta["completer"],
-        views=tuple(_views(arrays, meta["views"])),
+        scene_id=meta.scene_id,
+        category=meta.category,
+        seed=meta.seed,
+        segmenter=meta.segmenter,
+        completer=meta.completer,
+        views=tuple(_views(arrays, meta.views)),
         objects=objects,
-        tracked=tuple(_tracked(arrays, meta["tracked"])),
-        target_id=meta["target_id"],
-        voxels=_voxels(arrays, size_m=float(meta["voxel_size_m"])),
+        tracked=tuple(_tracked(arrays, meta.tracked)),
+        target_id=meta.target_id,
+        voxels=_voxels(arrays, size_m=meta.voxel_size_m),
         training_world=training_world,
-        training_classes=arrays.take("training_classes", np.uint8, (len(training_world),)),
+        training_classes=arrays.classes("training_classes", len(training_world)),
         test_world=test_world,
         test_sets=tuple(
             TestSetPart(completion=name, part=slice(start, stop))
-            for name, start, stop in meta["test_sets"]
+            for name, start, stop in meta.test_sets
         ),
         distances_m=arrays.take("distances_m", np.float64, (len(objects), count)),
         data_distance_m=arrays.take("data_distance_m", np.float64, (count,)),
         completer_confidence=arrays.take("completer_confidence", np.float64, (count,)),
-        answers={model: _answers(arrays, model, count=count) for model in meta["models"]},
+        answers={model: _answers(arrays, model, count=count) for model in meta.models},
     )
 
 
-def _views(arrays: _Arrays, described: Sequence[Mapping[str, Any]]) -> Iterator[RecordedView]:
+def _meta(arrays: _Arrays) -> _Meta:
+    """Read the JSON; another format is named before what is odd in it."""
+    found: object = json.loads(arrays.take("meta", np.uint8, (None,)).tobytes())
+    written = found.get("format") if isinstance(found, dict) else None
+    if written != FORMAT:
+        raise _DamageError(f"format {written}, this version reads {FORMAT}")
+    try:
+        # From text, where JSON's arrays are tuples too.
+        meta = _Meta.model_validate_json(json.dumps(found))
+    except ValidationError as error:
+        problem = error.errors(include_url=False)[0]
+        key = ".".join(str(part) for part in problem["loc"])
+        raise _DamageError(f"'meta' has {key} = {problem['input']!r:.80}") from None
+    upto = 0
+    for name, start, stop in meta.test_sets:
+        if start != upto or stop < start:
+            raise _DamageError(f"'meta' has test points {start} to {stop} of set '{name}'")
+        upto = stop
+    return meta
+
+
+def _views(arrays: _Arrays, described: Sequence[_View]) -> Iterator[RecordedView]:
     for index, about in enumerate(described):
         at = f"views.{index}."
         rgb = arrays.image(at + "rgb", np.uint8)
@@ -261,38 +349,40 @@ def _views(arrays: _Arrays, described: Sequence[Mapping[str, Any]]) -> Iterator[
             depth_m=np.where(depth > 0, measured, np.float32(np.nan)),
             true_ids=arrays.image(at + "true_ids", np.uint16, size),
             found=arrays.image(at + "found", np.uint8, size),
-            detections=tuple(RecordedDetection(**item) for item in about["detections"]),
+            detections=tuple(RecordedDetection(**item.model_dump()) for item in about.detections),
             intrinsics=arrays.take(at + "intrinsics", np.float64, (4,)),
             world_from_camera=arrays.take(at + "world_from_camera", np.float64, (4, 4)),
             joint_positions_rad=(
                 arrays.take(joints, np.float64, (None,)) if joints in arrays else None
             ),
             tracked=tuple(
-                TrackedState(**item | {"centroid_world": np.array(item["centroid_world"])})
-                for item in about["tracked"]
+                TrackedState(
+                    **item.model_dump() | {"centroid_world": np.array(item.centroid_world)}
+                )
+                for item in about.tracked
             ),
         )
 
 
-def _objects(arrays: _Arrays, described: Sequence[Mapping[str, Any]]) -> Iterator[TrueObject]:
+def _objects(arrays: _Arrays, described: Sequence[_Object]) -> Iterator[TrueObject]:
     for index, about in enumerate(described):
         at = f"objects.{index}."
         vertices = arrays.take(at + "vertices", np.float32, (None, 3))
         faces = arrays.take(at + "faces", np.int32, (None, 3))
         if faces.size and not 0 <= faces.min() <= faces.max() < len(vertices):
             raise _DamageError(f"'{at}faces' names a vertex that is not there")
-        yield TrueObject(**about, vertices_world=vertices, faces=faces)
+        yield TrueObject(**about.model_dump(), vertices_world=vertices, faces=faces)
 
 
-def _tracked(arrays: _Arrays, described: Sequence[Mapping[str, Any]]) -> Iterator[MappedCloud]:
+def _tracked(arrays: _Arrays, described: Sequence[_Tracked]) -> Iterator[MappedCloud]:
     for index, about in enumerate(described):
         at = f"tracked.{index}."
         completed = arrays.take(at + "completed", np.float32, (None, 3))
         yield MappedCloud(
-            id=about["id"],
-            category=about["category"],
-            score=about["score"],
-            centroid_world=np.array(about["centroid_world"]),
+            id=about.id,
+            category=about.category,
+            score=about.score,
+            centroid_world=np.array(about.centroid_world),
             observed_world=arrays.take(at + "observed", np.float32, (None, 3)),
             completed_world=completed,
             spread_m=arrays.take(at + "spread", np.float32, (len(completed),)),
@@ -306,7 +396,7 @@ def _voxels(arrays: _Arrays, *, size_m: float) -> RecordedVoxels:
         size_m=size_m,
         centres_world=((keys + 0.5) * size_m).astype(np.float32),
         rgb=arrays.take("voxels.rgb", np.uint8, (count, 3)),
-        classes=arrays.take("voxels.classes", np.uint8, (count,)),
+        classes=arrays.classes("voxels.classes", count),
         object_ids=arrays.take("voxels.object_ids", np.uint32, (count,)),
         confidence=arrays.take("voxels.confidence", np.float32, (count,)),
         first_view=arrays.take("voxels.first_view", np.uint8, (count,)),
@@ -314,11 +404,11 @@ def _voxels(arrays: _Arrays, *, size_m: float) -> RecordedVoxels:
 
 
 def _answers(arrays: _Arrays, model: str, *, count: int) -> ModelAnswers:
-    def column(name: str, dtype: type[Any] = np.float64) -> Array:
-        return arrays.take(f"answers.{model}.{name}", dtype, (count,))
+    def column(name: str) -> Array:
+        return arrays.take(f"answers.{model}.{name}", np.float64, (count,))
 
     return ModelAnswers(
-        classes=column("classes", np.uint8),
+        classes=arrays.classes(f"answers.{model}.classes", count),
         probability=column("probability"),
         recalibrated=column("recalibrated"),
         confidence=column("confidence"),

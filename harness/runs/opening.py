@@ -121,6 +121,11 @@ def _check_same(
             f"{run.folder} holds a run of another configuration: {'; '.join(keys)}; "
             "pass another --out, or --out alone to continue it as it was"
         )
+    if config.run.record != begun_with.run.record:
+        raise InputError(
+            f"{run.folder} was begun with run.record = '{begun_with.run.record}', not "
+            f"'{config.run.record}'; pass another --out, or --out alone to continue it as it was"
+        )
     if odd := sorted(set(manifest["objects"]) ^ set(objects)):
         raise InputError(
             f"{run.folder} was begun with other objects (first difference: {odd[0]}); "

@@ -135,6 +135,8 @@ def meta_with(data: bytes, **values: object) -> np.ndarray:
 
 def test_hostile_content_is_refused(data: bytes) -> None:
     faces = np.full((1, 3), 10**6, dtype=np.int32)
+    voxels = len(decode(data).voxels.classes)
+    tracked = {"id": 1, "category": "mug", "score": 1.0, "centroid_world": [0.5]}
     for hostile, complaint in (
         (altered(data, test_world=None), "'test_world' is missing"),
         (altered(data, test_world=np.zeros((3, 3))), r"'test_world' is float64\(3, 3\)"),
@@ -142,7 +144,12 @@ def test_hostile_content_is_refused(data: bytes) -> None:
         (altered(data, **{"objects.0.faces": faces}), "names a vertex that is not there"),
         (altered(data, **{"views.0.rgb": np.zeros(9, np.uint8)}), "UnidentifiedImageError"),
         (altered(data, meta=meta_with(data, format=99)), "format 99, this version reads"),
-        (altered(data, meta=meta_with(data, views=3)), "TypeError"),
+        (altered(data, meta=meta_with(data, views=3)), "'meta' has views = 3"),
+        (altered(data, meta=meta_with(data, test_sets=[["none", "a", 3]])), "test_sets.0.1 = 'a'"),
+        (altered(data, meta=meta_with(data, test_sets=[["none", 5, 3]])), "test points 5 to 3 of"),
+        (altered(data, meta=meta_with(data, category="duck")), "'meta' has category = 'duck'"),
+        (altered(data, meta=meta_with(data, tracked=[tracked])), "tracked.0.centroid_world = "),
+        (altered(data, **{"voxels.classes": np.full(voxels, 99, np.uint8)}), "holds class 99"),
         (altered(data, meta=np.zeros(4, np.uint8)), "JSONDecodeError"),
     ):
         with pytest.raises(ValueError, match=complaint):

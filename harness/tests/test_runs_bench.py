@@ -118,7 +118,7 @@ def test_the_manifest_says_where_the_numbers_come_from(folder: Path) -> None:
     assert manifest["config"]["run"]["scenes"] == SCENES
     assert manifest["objects"] == sorted(map(object_identity, fake_scenes.MODELS))
     (session,) = manifest["sessions"]
-    assert set(session) == {"started", "git", "python", "packages", "machine"}
+    assert set(session) == {"started", "git", "code", "python", "packages", "machine"}
     assert session["packages"]["polars"]
     assert session["machine"]["cores"] >= 1
     assert session["machine"]["memory_mib"] > 100
