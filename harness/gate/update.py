@@ -60,7 +60,7 @@ TOLD = 0.0005
 MOST_BYTES = 2 * 2**20
 """A baseline is committed, and every version of it stays in the repository."""
 
-_SESSION = ("started", "git", "python", "packages", "machine")
+_SESSION = ("started", "git", "code", "python", "packages", "machine")
 
 
 @dataclass(frozen=True)

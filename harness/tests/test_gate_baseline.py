@@ -15,7 +15,7 @@ from harness.gate.baseline import read_baseline
 from harness.gate.calibration import Calibration, Machine, write_calibration
 from harness.results import show_run
 from harness.runs.job import SceneJob
-from harness.runs.records import Record, Variant, read_records
+from harness.runs.records import SCHEMA_VERSION, Record, Variant, read_records
 from harness.tests.fake_gate import SCENES, WIRING, copied, edit_manifest, make
 
 if TYPE_CHECKING:
@@ -285,9 +285,9 @@ def test_a_damaged_history(baseline: Path) -> None:
 def test_a_baseline_of_another_schema(baseline: Path) -> None:
     edit_manifest(baseline, lambda manifest: manifest.update(schema_version=3))
     assert refused(lambda: read_baseline(baseline)) == (
-        f"{baseline} was written with record schema 3, this version reads 4; run the benchmark "
-        "again and make that the baseline with `harness baseline update --from RUN --baseline "
-        f"{baseline}`"
+        f"{baseline} was written with record schema 3, this version reads {SCHEMA_VERSION}; run "
+        "the benchmark again and make that the baseline with `harness baseline update --from RUN "
+        f"--baseline {baseline}`"
     )
 
 
