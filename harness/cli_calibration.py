@@ -20,7 +20,7 @@ from harness.errors import InputError
 
 commands = typer.Typer()
 
-LEAST_WIDTH = 100
+LEAST_WIDTH = 110
 """Columns that the widest table takes."""
 
 SPLITS = 200

@@ -165,7 +165,7 @@ def _probabilities(cells: Sequence[CalibrationCell]) -> Grid:
 def _rankings(cells: Sequence[CalibrationCell]) -> Grid:
     keys = [key for key in cells[0].series[BASELINES[0]].metrics if key.startswith(_PRECISION)]
     precisions = [f"P@{key.removeprefix(_PRECISION)} %" for key in keys]
-    grid = _grid("as a ranking", ("AURC", "excess", "less nearest", *precisions))
+    grid = _grid("as a ranking", ("AURC", "excess", "less nearest", "n", *precisions, "n"))
     for cell in cells:
         grid.add_row(Text(cell.model.replace("_", " "), style="bold"))
         for name, series in cell.series.items():
@@ -175,7 +175,10 @@ def _rankings(cells: Sequence[CalibrationCell]) -> Grid:
                 _with_interval(metrics["aurc"]),
                 compact(metrics["excess_aurc"].mean),
                 "" if series.less_nearest is None else compact_difference(series.less_nearest),
+                str(metrics["aurc"].count),
                 *(compact(metrics[key].mean) for key in keys),
+                # The same of every share: the scenes with a point put on the object.
+                str(metrics[keys[0]].count),
                 style="dim" if name in BASELINES else None,
             )
     return grid
@@ -216,11 +219,13 @@ def _about(calibration: Calibration) -> str:
     return (
         f"{calibration.folder}, on the mesh within {millimetres(calibration.tolerance_m)}. Means "
         "over scenes [95 % interval over objects: none below "
-        f"{LEAST_OBJECTS}]; n counts the scenes that define them. The seed's raw (Eq. 2) and "
-        "normalised (Eq. 3) scores are no probabilities: they are read as if they were, that the "
-        "decision is right, in scenes where none is beyond [0, 1]. Brier = rel. - res. + "
-        "uncertainty + what the bins hide. AURC: risk over all coverages, of decisions ranked by "
-        "the score; excess: above the best order of the same decisions; less nearest: less the "
-        "AURC by closeness to the data. P@k %: precision among the surest k % of the points put on "
-        f"the object.{empty}"
+        f"{LEAST_OBJECTS}]; n counts the scenes that define them. Means of unlike n are of "
+        "unlike scenes: a missed target has no seed's score, no recalibration and no closeness"
+        " to the data; 'less nearest' is paired. The seed's raw (Eq. 2) and normalised (Eq. 3)"
+        " scores are no probabilities: they are read as if they were, that the decision is "
+        "right, in scenes where none is beyond [0, 1]. Brier = rel. - res. + uncertainty + "
+        "what the bins hide. AURC: risk over all coverages, of decisions ranked by the score; "
+        "excess: above the best order of the same decisions; less nearest: less the AURC by "
+        "closeness to the data. P@k %: precision among the surest k % of the points put on the"
+        f" object.{empty}"
     )

@@ -126,9 +126,18 @@ def _about(cells: list[CalibrationCell]) -> str:
     largest = max(cells, key=lambda item: len(item.scenes))
     rate = largest.base_rate.mean
     share = "" if rate is None else f"; {rate:.0%} of the points lie on the object"
+    fewer: dict[int, list[str]] = {}
+    for name, series in largest.series.items():
+        count = series.metrics["aurc"].count
+        if 0 < count < len(largest.scenes):
+            fewer.setdefault(count, []).append(plain(name))
+    unlike = "".join(
+        f" In {count} of them alone, the others undefined: {', '.join(names)}."
+        for count, names in fewer.items()
+    )
     return (
         f"{len(largest.scenes)} scenes of {largest.objects} objects, {largest.points:,} points"
-        f"{share}."
+        f"{share}.{unlike}"
     )
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from harness.html_report.bars import bars
+from harness.html_report.best import RULE, best_model
 from harness.html_report.grid import Cell, Grid, Heading, Tone, number_cell
 from harness.html_report.names import cell_name, plain, variant_name
 from harness.table.cells import (
@@ -27,9 +29,11 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from harness.html_report.bars import Bar
+    from harness.html_report.best import Best
+    from harness.runs.records import Record
     from harness.table.columns import Column
     from harness.table.differences import Contrast, Difference
-    from harness.table.summary import Row, Table
+    from harness.table.summary import Table
 
 Outcome = Literal["better", "worse", "same", "undetected", "untested"]
 
@@ -48,7 +52,7 @@ class Line:
     Attributes
     ----------
     best
-        The model with the best mean, and its interval.
+        The best model by `harness.html_report.best.RULE`, with its mean and interval.
     judgement
         What the paired test says of ours against the classic one; empty without the pair.
     tone
@@ -93,8 +97,22 @@ class Verdict:
     about: str
 
 
-def verdict(table: Table) -> Verdict:
-    """Say of each class and test set which model is best, and how ours stands to the classic."""
+def verdict(table: Table, records: Sequence[Record], *, seed: int) -> Verdict:
+    """Say of each class and test set which model is best, and how ours stands to the classic.
+
+    Parameters
+    ----------
+    table
+        The run's.
+    records
+        What it was made of.
+    seed
+        Of the intervals' resampling.
+    """
+    of_cell: defaultdict[tuple[str, str], list[Record]] = defaultdict(list)
+    for record in records:
+        if record.tolerance_m == table.reported_tolerance_m:
+            of_cell[record.category, record.completion].append(record)
     differences = {
         (item.category, item.completion, item.segmenter): item
         for pair in _judged_pair(table)
@@ -114,11 +132,17 @@ def verdict(table: Table) -> Verdict:
         for column in HEADLINE
     }
     cells = []
-    for index, (rows, row, found) in enumerate(zip(groups, fullest, judged, strict=True)):
+    for index, (row, found) in enumerate(zip(fullest, judged, strict=True)):
+        own = of_cell[row.category, row.variant.completion]
         lines = [
-            Line(column.heading, best, *_judgement(found, column), drawn[column.key][index])
+            Line(
+                column.heading,
+                _say_best(best, table, scenes=row.scenes),
+                *_judgement(found, column),
+                drawn[column.key][index],
+            )
             for column in HEADLINE
-            if (best := _best(rows, table, column)) is not None
+            if (best := best_model(own, column, seed=seed)) is not None
         ]
         if lines:
             name = cell_name(row.category, row.variant.completion)
@@ -128,7 +152,7 @@ def verdict(table: Table) -> Verdict:
         lead=_lead(table, list(differences.values())),
         cells=tuple(cells),
         bars=BARS if differences else "",
-        about=TESTS,
+        about=f"{RULE} {TESTS}",
     )
 
 
@@ -231,16 +255,11 @@ def _lead(table: Table, found: Sequence[Difference]) -> str:
     )
 
 
-def _best(rows: Sequence[Row], table: Table, column: Column) -> str | None:
-    """Name the model with the best mean; None where no scene defines one."""
-    sign = 1.0 if column.key in HIGHER_IS_BETTER else -1.0
-    defined = [(mean, row) for row in rows if (mean := row.values[column.key].mean) is not None]
-    if not defined:
-        return None
-    mean, row = max(defined, key=lambda item: sign * item[0])
-    tied = [other for value, other in defined if value == mean]
-    names = " and ".join(variant_name(other.variant, table) for other in tied)
-    return f"{names} {number(mean)} {interval(row.values[column.key])}".rstrip()
+def _say_best(best: Best, table: Table, *, scenes: int) -> str:
+    """Name the best model and its mean; the number of scenes where it is not all of them."""
+    names = " and ".join(variant_name(variant, table) for variant in best.variants)
+    said = f"{names} {number(best.value.mean)} {interval(best.value)}".rstrip()
+    return said if best.value.count == scenes else f"{said} (in {best.value.count} scenes)"
 
 
 def _judgement(found: Difference | None, column: Column) -> tuple[str, Tone]:

@@ -54,7 +54,8 @@ CURVES_ABOUT = (
     "Curves are means over scenes of the risk among the points that are kept, the surest first; "
     "the area under one is its AURC. Reliability is of the points of all scenes together, in 15 "
     "bins of equal width: a larger marker holds more points. Scores that are no probabilities are "
-    "read as if they were, and are not drawn where they leave [0, 1]."
+    "read as if they were, and are not drawn where they leave [0, 1]. A curve is of the scenes "
+    "that define its score: a missed target has no seed's score, no recalibration and no closeness."
 )
 FILE = "report.html"
 MOST_PICTURE_BYTES = 1_600_000
@@ -187,9 +188,17 @@ def _calibration(
     run: RunDirectory, records: Sequence[Record], lacking: list[str]
 ) -> Calibration | None:
     """Summarise a run's recordings; None where it has none, with the reason in `lacking`."""
-    if run.recorded():
-        return summarise_run(run)
-    if all(record.status == "failed" for record in records):
+    scored = {record.scene_id for record in records if record.status == "ok"}
+    if scored.intersection(run.recorded()):
+        found = summarise_run(run, partly=True)
+        if lost := found.lost_scenes:
+            lacking.append(
+                f"No recording of {len(lost)} of {len(scored)} scored scenes (the first: "
+                f"{lost[0]}): curves and pictures leave them out; make them again with `harness "
+                f"bench --out {run.folder}`."
+            )
+        return found
+    if not scored:
         why = "every scene failed; tracebacks are in the run's logs."
     elif run.config().run.record == "nothing":
         why = (
@@ -213,8 +222,12 @@ def _pictures(
 ) -> dict[str, list[ScenePicture]]:
     """Draw the worst and the median scenes, as far as they are recorded and there is room."""
     recorded = set(run.recorded())
-    chosen = [item.scene_id for item in ranked if item.group in ("worst", "median")]
-    chosen = [scene_id for scene_id in chosen if scene_id in recorded]
+    chosen = [
+        item.scene_id
+        for item in ranked
+        # A failed scene's recording is an earlier sitting's.
+        if item.group in ("worst", "median") and item.state != FAILED and item.scene_id in recorded
+    ]
     pictures: dict[str, list[ScenePicture]] = {}
     room = MOST_PICTURE_BYTES
     for number, scene_id in enumerate(chosen, start=1):
@@ -259,7 +272,7 @@ def _page(
             f"{millimetres(tolerance_m)}"
         ),
         source=str(run.folder),
-        verdict=verdict(table),
+        verdict=verdict(table, records, seed=config.run.seed),
         facts=_facts(ranked, records=records),
         lacking=lacking,
         losses=[grid for grid in losses if grid is not None],

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from rich.console import Console
 
 from harness.calibration import (
     BASELINES,
@@ -23,6 +24,8 @@ from harness.calibration import (
 )
 from harness.calibration.output import as_csv, as_json
 from harness.calibration.series import seed_scores
+from harness.calibration.text import render_calibration
+from harness.cli_calibration import LEAST_WIDTH
 from harness.native import binary_metrics
 from harness.recordings.make import missed_answers
 from harness.tests.fake_calibration import SEGMENTER_SCORE, answers, recorded_run, recording
@@ -270,6 +273,36 @@ def test_a_choice_of_models_classes_and_sets(run: RunDirectory) -> None:
     loose = summarise_run(run, models=["network"], classes=["bowl"], tolerance_m=0.01)
     assert loose.tolerance_m == 0.01
     assert loose.cells[0].base_rate.mean == 1.0
+
+
+def test_the_text_counts_the_scenes_of_each_mean(found: Calibration) -> None:
+    """Of seven mugs one was missed: it has a confidence of 0 and no closeness to the data."""
+    console = Console(width=LEAST_WIDTH)
+    with console.capture() as capture:
+        console.print(render_calibration(found))
+    text = capture.get()
+    assert "\N{HORIZONTAL ELLIPSIS}" not in text
+    ranking = text[text.index("as a ranking") :].partition("network")[0]
+    header, *lines = [line.split() for line in ranking.splitlines()]
+    assert header[3:] == [
+        "AURC",
+        "excess",
+        "less",
+        "nearest",
+        "n",
+        "P@20",
+        "%",
+        "P@50",
+        "%",
+        "P@80",
+        "%",
+        "n",
+    ]
+    counts = {line[0]: (line[-5], line[-1]) for line in lines if len(line) > 5}
+    # Nothing is put on a missed object, so that no precision is defined.
+    assert counts["confidence"] == counts["probability"] == counts["random"] == ("7", "6")
+    assert counts["recalibrated"] == counts["nearest"] == counts["raw"] == ("6", "6")
+    assert "Means of unlike n are of unlike scenes" in " ".join(text.split())
 
 
 def test_json_and_csv_hold_the_same_numbers(found: Calibration) -> None:

@@ -18,11 +18,13 @@ from harness import cli
 from harness.errors import InputError
 from harness.html_report import pictures, scenes
 from harness.html_report.bars import Bar, bars
+from harness.html_report.best import best_model
 from harness.html_report.names import reference_model
 from harness.html_report.scenes import FAILED, MISSED, SCORED, picker_data, rank_scenes
 from harness.html_report.timings import timing_grid
 from harness.html_report.verdict import HEADLINE
 from harness.html_report.write import write_report
+from harness.recordings.file import encode
 from harness.runs.records import Record, Timing, write_records
 from harness.table.cells import UNDEFINED
 from harness.table.differences import Contrast
@@ -160,6 +162,69 @@ def test_the_verdict(elements: Elements) -> None:
     assert "AURC best: metric 0.125 [0.105, 0.143] metric - classic tuned -0.200" in text
     assert "12 scenes of mug, bowl, 3 views each, 3 models, masks by oracle" in text
     assert "11 scenes scored 12 objects 1 scenes failed 1 targets missed" in text
+
+
+def cell_of(**of_models: list[float | None]) -> list[Record]:
+    """Records of a cell by model: the precision in each scene, as AUROC too."""
+    return [
+        fake.record(
+            fake.job("mug", index), model=model, completion="none", precision=value, auroc=value
+        )
+        for model, values in of_models.items()
+        for index, value in enumerate(values)
+    ]
+
+
+def test_the_best_model_is_best_on_common_scenes() -> None:
+    precision, auroc, *_ = HEADLINE
+    # By its own scenes the classic model has a mean of .9: it puts a point on the object in one.
+    records = cell_of(metric=[0.6, 0.7, 0.8], classic_tuned=[None, None, 0.9])
+    best = best_model(records, precision, seed=0)
+    assert best is not None
+    assert [variant.model for variant in best.variants] == ["metric"]
+    assert (best.value.mean, best.value.count) == (pytest.approx(0.7), 3)
+    # Without a prediction a precision is 0.
+    theirs = best_model(cell_of(classic_tuned=[None, None, 0.9]), precision, seed=0)
+    assert theirs is not None
+    assert theirs.value.mean == pytest.approx(0.3)
+    # An AUROC is undefined by the truth: the one scene of both decides.
+    ranking = best_model(records, auroc, seed=0)
+    assert ranking is not None
+    assert [variant.model for variant in ranking.variants] == ["classic_tuned"]
+    assert (ranking.value.mean, ranking.value.count) == (0.9, 1)
+    # A failed scene counts for none, a model without any value has no say, and equals share.
+    lost = [
+        Record.failed(
+            fake.job("mug", 0),
+            variant=records[0].variant,
+            views=1,
+            tolerance_m=0.005,
+            failure="no arm",
+        )
+    ]
+    equal = cell_of(metric=[0.6, 0.7, 0.8], classic_tuned=[0.5, 0.8, 0.7])
+    equal += cell_of(nearest=[None, None, None])
+    tied = best_model([*lost, *equal[1:]], auroc, seed=0)
+    assert tied is not None
+    assert [variant.model for variant in tied.variants] == ["metric", "classic_tuned"]
+    assert tied.value.count == 2
+    assert best_model(cell_of(metric=[0.5, None], classic_tuned=[None, 0.5]), auroc, seed=0) is None
+    assert best_model(lost, auroc, seed=0) is None
+
+
+def test_the_page_says_on_how_many_scenes_the_best_is_best(bare: fake.FakeRun) -> None:
+    undefined = {"auroc": None, "precision": None}
+    records = [
+        replace(r, **undefined) if (r.scene_id, r.model) == ("mug-0000", "nearest") else r
+        for r in bare.records
+    ]
+    write_records(records, bare.folder / "records.parquet")
+    text = " ".join(
+        " ".join(Elements(write_report(bare.folder).file.read_text("utf-8")).texts).split()
+    )
+    assert "AUROC best: metric 0.900 [0.900, 0.900] (in 5 scenes)" in text
+    assert "precision best: metric 0.875 [0.857, 0.895] metric" in text
+    assert "the scenes that define the measure for every model" in text
 
 
 def contrast(mean: float | None, low: float | None, high: float | None, least: float) -> Contrast:
@@ -333,6 +398,35 @@ def test_without_recordings_it_says_what_lacks(bare: fake.FakeRun) -> None:
     (bare.folder / "timings.parquet").unlink()
     text = write_report(bare.folder).file.read_text(encoding="utf-8")
     assert f"{bare.folder / 'timings.parquet'} is missing or empty: no timings." in text
+
+
+def test_missing_recordings_are_listed(run: fake.FakeRun, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    shutil.copytree(run.folder, folder)
+    lost = ("mug-0003", "mug-0005")
+    for scene_id in lost:
+        (folder / "recordings" / f"{scene_id}.npz").unlink()
+    found = write_report(folder)
+    assert found.lacking == (
+        "No recording of 2 of 11 scored scenes (the first: mug-0003): curves and pictures leave "
+        f"them out; make them again with `harness bench --out {folder}`.",
+    )
+    page = Elements(found.file.read_text("utf-8"))
+    assert found.lacking[0] in page.texts
+    assert data(page, "curves-data")["cells"][0]["about"].startswith("4 scenes of 4 objects")
+    assert not set(lost) & data(page, "scenes-data")["pictures"].keys()
+
+
+def test_what_a_failed_scene_left_is_not_drawn(run: fake.FakeRun, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    shutil.copytree(run.folder, folder)
+    left = encode(fake.recording(fake.job("bowl", 5)))
+    (folder / "recordings" / f"{fake.FAILED}.npz").write_bytes(left)
+    found = write_report(folder)
+    assert (found.pictured, found.lacking) == (8, ())
+    page = Elements(found.file.read_text("utf-8"))
+    assert fake.FAILED not in data(page, "scenes-data")["pictures"]
+    assert data(page, "curves-data")["cells"][2]["about"].startswith("5 scenes of 5 objects")
 
 
 def test_a_run_of_failures_alone(bare: fake.FakeRun) -> None:
