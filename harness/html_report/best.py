@@ -84,5 +84,5 @@ def best_model(records: Sequence[Record], column: Column, *, seed: int) -> Best 
     }
     sign = 1.0 if column.key in HIGHER_IS_BETTER else -1.0
     first = max(estimates, key=lambda variant: sign * (estimates[variant].mean or 0.0))
-    value = estimates[first]
-    return Best(tuple(v for v, other in estimates.items() if other.mean == value.mean), value)
+    best = estimates[first]
+    return Best(tuple(v for v, other in estimates.items() if other.mean == best.mean), best)
