@@ -10,7 +10,13 @@ from harness.config import Config, Override, PipelineCheck, check_test_sets, loa
 from harness.engines.choice import EngineName, make_engine
 from harness.errors import InputError
 from harness.runs.directory import CONFIG, RunDirectory, default_folder
-from harness.runs.job import ObjectModel, object_identity, plan_jobs, scene_ids
+from harness.runs.job import (
+    ObjectModel,
+    object_files,
+    object_identity,
+    plan_jobs,
+    scene_ids,
+)
 from harness.runs.opening import open_run
 from harness.runs.progress import Progress, SilentProgress
 from harness.sitting import (
@@ -163,10 +169,11 @@ def run_bench(
         jobs = shard.take(jobs)
     workers = options.workers if options.engine == "ray" else config.run.workers
     engine = make_engine(options.engine, address=options.address, workers=workers)
+    objects = [object_identity(model) for model in models]
     run = open_run(
         options.out or default_folder(config, shard=shard),
         config=config,
-        objects=[object_identity(model) for model in models],
+        objects=objects,
         shard=shard,
     )
     with run.session() as notes:
@@ -184,6 +191,7 @@ def run_bench(
                 progress=progress,
                 resume=_resume(run.folder, options),
                 engine=engine,
+                files=object_files(models, objects),
             )
         failed = [(job, config.scenes.views) for job in jobs if job.scene_id in failures]
         lost = failed_records(failed, failures, config=config, wiring=wiring)

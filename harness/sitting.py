@@ -79,6 +79,7 @@ def compute_scenes(
     resume: str,
     problem_of: Callable[[SceneResult, SceneJob], str | None] = scene_problem,
     engine: Engine | None = None,
+    files: Mapping[str, str] | None = None,
 ) -> dict[str, str]:
     """Compute on workers the scenes that are not finished.
 
@@ -96,6 +97,8 @@ def compute_scenes(
         Says what is wrong with a scene's result, None where nothing is.
     engine
         What computes; by default this machine, with the configuration's workers.
+    files
+        The sha256 of each mesh by its path, for workers on other machines to check theirs.
 
     Returns
     -------
@@ -107,7 +110,9 @@ def compute_scenes(
     if not waiting:
         return failures
     engine = engine or LocalEngine(workers=config.run.workers)
-    work = Work(target=scene_function, result_type=SceneResult, arguments=(config,))
+    work = Work(
+        target=scene_function, result_type=SceneResult, arguments=(config,), files=files or {}
+    )
     try:
         with closing(engine.run(work, waiting, logs=run.logs)) as events:
             for event in events:

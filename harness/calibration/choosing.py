@@ -17,6 +17,7 @@ from harness.calibration.read import BOX, read_points
 from harness.calibration.threshold import Choice, Goal, choose_threshold
 from harness.errors import InputError
 from harness.runs.directory import MANIFEST
+from harness.runs.job import split_identity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -289,8 +290,7 @@ def _names_by_content(
     run: RunDirectory, scenes: Mapping[str, Sequence[ScenePoints]]
 ) -> dict[str, str]:
     """Names of the objects that scenes are of, by the sha256 of their files."""
-    identities = (identity.rpartition(" sha256:") for identity in run.manifest()["objects"])
-    contents = {name: content for name, _, content in identities}
+    contents = dict(map(split_identity, run.manifest()["objects"]))
     names = {f"{item.category}/{item.object_name}" for group in scenes.values() for item in group}
     if unknown := sorted(names - contents.keys()):
         raise InputError(

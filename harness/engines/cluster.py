@@ -3,8 +3,8 @@
 1. A task is submitted without Ray's own retries: deaths of workers and nodes are counted here, as
    `LocalEngine` counts them.
 2. So many tasks wait at the cluster that no CPU idles, and no more: a plan may hold 100,000.
-3. The nodes need the caller's code and packages under the same paths: one checkout or image. Each
-   task compares them before it computes, so that nodes that join later are seen too.
+3. The nodes need the caller's code, packages and meshes under the same paths: one checkout or
+   image. Each task compares them before it computes, so that nodes that join later are seen too.
 4. A task has the limits on threads of a local worker with one core, set before its process starts.
 """
 
@@ -98,6 +98,7 @@ class _Tasks(Generic[Result]):
         self._ray = ray
         self._log = logs / f"ray-{os.getpid()}.log"
         self._identity = code_identity()
+        self._files = dict(work.files)
         task = ray.remote(num_cpus=1, max_retries=0, scheduling_strategy="SPREAD")
         self._task = task(_by_value())
         self._looked = self._had_cpu = time.monotonic()
@@ -114,7 +115,8 @@ class _Tasks(Generic[Result]):
                 while waiting and len(pending) < self._limit:
                     attempt = waiting.popleft()
                     packed = pickle.dumps((self._work.target, attempt.job, self._work.arguments))
-                    pending[self._task.remote(self._identity, packed)] = attempt
+                    task = self._task.remote(self._identity, self._files, packed)
+                    pending[task] = attempt
                 ready, _ = self._ray.wait(list(pending), num_returns=1, timeout=_LOOK_S)
                 for reference in ready:
                     attempt = pending.pop(reference)
@@ -196,7 +198,7 @@ class _Death:
 def _by_value() -> Any:
     """Make the task's function; Ray sends an inner function as code, so nodes can lack ours."""
 
-    def scene(expected: dict[str, str], packed: bytes) -> Any:
+    def scene(expected: dict[str, str], files: dict[str, str], packed: bytes) -> Any:
         try:
             from harness.engines.remote import serve
         except ImportError as error:
@@ -206,7 +208,7 @@ def _by_value() -> Any:
                 f"node {platform.node()} cannot import our code ({error}); give it the same "
                 "checkout, built wheel and virtual environment"
             )
-        return serve(expected, packed)
+        return serve(expected, files, packed)
 
     return scene
 

@@ -10,13 +10,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeAlias, TypeVar
 
 from harness.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Sequence
+    from collections.abc import Generator, Mapping, Sequence
     from pathlib import Path
 
 ATTEMPTS = 2
@@ -57,11 +57,15 @@ class Work(Generic[Result]):
         What it returns; anything else fails its job.
     arguments
         Further arguments of every call; they are pickled.
+    files
+        What the function reads besides the code: the sha256 of each file by its absolute path. An
+        engine on other machines refuses those where a file is another.
     """
 
     target: str
     result_type: type[Result]
     arguments: tuple[Any, ...] = ()
+    files: Mapping[str, str] = field(default_factory=dict)
 
     def wrong_type(self, result: object) -> str | None:
         """Say that a result is of another type than promised; None where it is not."""

@@ -66,6 +66,20 @@ def object_identity(model: ObjectModel) -> str:
     return f"{model.category}/{model.name} sha256:{digest}"
 
 
+def split_identity(identity: str) -> tuple[str, str]:
+    """Return ``class/name`` and the sha256 of what `object_identity` returned."""
+    name, _, digest = identity.rpartition(" sha256:")
+    return name, digest
+
+
+def object_files(models: Sequence[ObjectModel], identities: Sequence[str]) -> dict[str, str]:
+    """Return the sha256 of each object's file by its absolute path, from their identities."""
+    return {
+        str(model.path.absolute()): split_identity(identity)[1]
+        for model, identity in zip(models, identities, strict=True)
+    }
+
+
 def scene_seed(*, run_seed: int, category: str, index: int) -> int:
     """Seed of a class's scene number `index`: a hash, so that no other scene changes it."""
     text = f"{run_seed}/{category}/{index}".encode()

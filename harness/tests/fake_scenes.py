@@ -123,6 +123,8 @@ def _disturb(order: Path) -> None:
         raise SystemExit(3)
     elif words[0] == "raise":
         raise RuntimeError(f"no such luck\nin {order.name}")
+    elif words[0] == "limits":
+        raise RuntimeError(_thread_limits())
     elif words[0] == "sleep":
         time.sleep(60)
     elif words[0] == "wait":
@@ -152,8 +154,11 @@ def returns_nothing(job: SceneJob, config: Config) -> None:
 
 def thread_limits(job: SceneJob, config: Config) -> SceneResult:
     """The worker's thread limits, as the text of a failure."""
-    names = ("OMP_NUM_THREADS", "RAYON_NUM_THREADS")
-    raise RuntimeError(" ".join(os.environ[name] for name in names))
+    raise RuntimeError(_thread_limits())
+
+
+def _thread_limits() -> str:
+    return " ".join(os.environ[name] for name in ("OMP_NUM_THREADS", "RAYON_NUM_THREADS"))
 
 
 def foreign_records(job: SceneJob, config: Config) -> SceneResult:

@@ -69,9 +69,9 @@ def test_an_address_that_nobody_listens_at_is_refused_at_once(port: int) -> None
 
 def test_a_listener_that_is_not_ray_is_given_up(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
     assert checking.CONNECT_S + checking.PROBE_S <= 15
-    monkeypatch.setattr(checking, "PROBE_S", 1.0)
+    monkeypatch.setattr(checking, "PROBE_S", 0.2)
     assert refused("ray", f"127.0.0.1:{port}") == (
-        f"no Ray cluster answers at 127.0.0.1:{port} (nothing of Ray within 1 s); start one there "
+        f"no Ray cluster answers at 127.0.0.1:{port} (nothing of Ray within 0 s); start one there "
         "with `ray start --head`, or pass the address that it printed"
     )
 

@@ -121,14 +121,13 @@ def test_a_function_that_cannot_be_imported_stops_the_run(tmp_path: Path) -> Non
         list(compute(JOBS, tmp_path, function="no_such_function"))
 
 
-@pytest.mark.parametrize("threads", [1, 3])
-def test_a_workers_threads_do_not_depend_on_their_number(tmp_path: Path, threads: int) -> None:
-    for workers in (1, 2):
-        events = compute(
-            JOBS[:2], tmp_path, function="thread_limits", workers=workers, threads=threads
-        )
-        limits = {event.failure for event in events if isinstance(event, SceneFailed)}
-        assert limits == {f"RuntimeError: {threads} {threads}"}
+@pytest.mark.parametrize(("workers", "threads"), [(1, 3), (2, 1), (2, 3)])
+def test_a_workers_threads_do_not_depend_on_their_number(
+    tmp_path: Path, workers: int, threads: int
+) -> None:
+    events = compute(JOBS[:2], tmp_path, function="thread_limits", workers=workers, threads=threads)
+    limits = {event.failure for event in events if isinstance(event, SceneFailed)}
+    assert limits == {f"RuntimeError: {threads} {threads}"}
 
 
 def test_leaving_early_leaves_no_process(orders: Path, tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from harness.config import Config
 from harness.engines.cluster import RayEngine
 from harness.engines.engine import SceneDone, SceneFailed, UnusableWorkerError, Work, WorkerDied
 from harness.engines.identity import code_identity
+from harness.runs.code import scene_code_digest
 from harness.runs.job import SceneJob
 from harness.runs.progress import SilentProgress
 from harness.runs.records import SceneResult
@@ -26,11 +27,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from harness.engines.engine import Event
+    from harness.runs.job import ObjectModel
 
 STABLE = ("records.parquet", "confusion.parquet", "table.md", "table.csv", "table.tex")
 SCENES = 4
-JOBS = [SceneJob(f"mug-{i:04d}", "mug", "mug_0", seed=i) for i in range(5)]
+JOBS = [SceneJob(f"mug-{i:04d}", "mug", "mug_0", seed=i) for i in range(6)]
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +46,7 @@ def cluster(running: FakeCluster) -> FakeCluster:
     running.forget_orders()
     # A developer may edit the checkout while the tests run: nodes see it as it is now.
     code_identity.cache_clear()
+    scene_code_digest.cache_clear()
     return running
 
 
@@ -60,19 +62,14 @@ def stable_bytes(folder: Path) -> dict[str, bytes]:
     return {name: (folder / name).read_bytes() for name in STABLE}
 
 
-def compute(
-    cluster: FakeCluster, folder: Path, *, jobs: list[SceneJob], function: str = "run_scene"
-) -> list[Event[SceneJob, SceneResult]]:
-    work = Work(f"{fake_scenes.__name__}:{function}", SceneResult, (Config(),))
-    return list(RayEngine(cluster.address).run(work, jobs, logs=folder))
-
-
 def test_deaths_and_exceptions_are_told_as_by_the_local_engine(
     cluster: FakeCluster, tmp_path: Path
 ) -> None:
-    for scene, order in {1: "once die", 2: "die", 3: "raise"}.items():
+    orders = {1: "once die", 2: "die", 3: "raise", 5: "limits"}
+    for scene, order in orders.items():
         (cluster.orders / f"mug-{scene:04d}").write_text(order, encoding="utf-8")
-    events = compute(cluster, tmp_path, jobs=JOBS)
+    work = Work(fake_scenes.SCENE_FUNCTION, SceneResult, (Config(),))
+    events = list(RayEngine(cluster.address).run(work, JOBS, logs=tmp_path))
     done = [event for event in events if isinstance(event, SceneDone)]
     assert {event.job for event in done} == {JOBS[0], JOBS[1], JOBS[4]}
     for event in done:
@@ -81,6 +78,8 @@ def test_deaths_and_exceptions_are_told_as_by_the_local_engine(
     assert {event.job: event.failure for event in events if isinstance(event, SceneFailed)} == {
         JOBS[2]: "its worker died 2 times; last: crashed",
         JOBS[3]: "RuntimeError: no such luck in mug-0003",
+        # A task has one core, whatever the node has.
+        JOBS[5]: "RuntimeError: 1 1",
     }
     died = [event for event in events if isinstance(event, WorkerDied)]
     assert sorted(str(event) for event in died) == [
@@ -94,34 +93,31 @@ def test_deaths_and_exceptions_are_told_as_by_the_local_engine(
         "mug-0002": 2,
         "mug-0003": 1,
         "mug-0004": 1,
+        "mug-0005": 1,
     }
     (log,) = tmp_path.iterdir()
     assert "mug-0003\nTraceback" in log.read_text(encoding="utf-8")
 
 
-def test_a_task_has_one_core(cluster: FakeCluster, tmp_path: Path) -> None:
-    (event,) = compute(cluster, tmp_path, jobs=JOBS[:1], function="thread_limits")
-    assert event == SceneFailed(JOBS[0], "RuntimeError: 1 1")
-
-
-def test_nodes_with_other_code_are_refused(
+def test_nodes_with_other_meshes_are_refused(
     cluster: FakeCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    ours = code_identity() | {"Python": "3.11.99"}
-    monkeypatch.setattr("harness.engines.cluster.code_identity", lambda: ours)
+    # The nodes see this machine's files, so that another content is what they are told to find.
+    monkeypatch.setattr("harness.engines.choice.check_address", lambda address: None)
+
+    def identity(model: ObjectModel) -> str:
+        return f"{model.category}/{model.name} sha256:{'0' * 64}"
+
+    monkeypatch.setattr("harness.bench.object_identity", identity)
+    folder = tmp_path / "run"
+    options = BenchOptions(scenes=SCENES, out=folder, engine="ray", address=cluster.address)
     with pytest.raises(
         UnusableWorkerError,
-        match=r"cannot run scenes: node .* has other code \(Python 3.11.\d+ there, 3.11.99 here\); "
-        "give it the same checkout",
+        match=r"cannot run scenes: node .* has other meshes \(/.*/fake_scenes\.py is another there",
     ):
-        compute(cluster, tmp_path, jobs=JOBS)
-
-
-def test_a_function_that_cannot_be_imported_stops_the_run(
-    cluster: FakeCluster, tmp_path: Path
-) -> None:
-    with pytest.raises(UnusableWorkerError, match=r"cannot run scenes: node .*: AttributeError: "):
-        compute(cluster, tmp_path, jobs=JOBS, function="no_such_function")
+        run_bench(options, wiring=WIRING)
+    assert not (folder / "records.parquet").exists()
+    assert not (cluster.orders / "begun").exists()
 
 
 def test_ctrl_c_cancels_the_tasks_and_keeps_what_is_finished(
@@ -172,8 +168,13 @@ def kill_at_work(node: Node, orders: Path) -> str:
 
 
 def test_a_node_that_dies_in_the_middle_of_a_run_changes_no_byte(
-    cluster: FakeCluster, tmp_path: Path, undisturbed: dict[str, bytes]
+    cluster: FakeCluster,
+    tmp_path: Path,
+    undisturbed: dict[str, bytes],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    # That it answers is asked by a process that imports Ray: another test does so.
+    monkeypatch.setattr("harness.engines.choice.check_address", lambda address: None)
     (cluster.orders / "begun").touch()
     for category in ("mug", "bowl"):
         for index in range(SCENES):
@@ -188,4 +189,3 @@ def test_a_node_that_dies_in_the_middle_of_a_run_changes_no_byte(
     assert any(f" at {scene}; trying it once more" in note for note in progress.notes)
     assert [name for _, name in begun(cluster.orders)].count(scene) == 2
     assert stable_bytes(folder) == undisturbed
-    cluster.add_node()
