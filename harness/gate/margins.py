@@ -52,6 +52,10 @@ GATED = (
 )
 """In the order in which they are shown."""
 
+LEAST_POINTS = 0.9
+"""Share of the baseline's test points that a scene must still have: a completion that gives few
+points, all of them right, must not pass for a better one."""
+
 LEVEL = 0.05
 """Share of false ones among the losses that are called found (Benjamini-Hochberg), in each of three
 families: the rows of single cells, those of each model and test set over all classes, and those of

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harness.errors import InputError
-from harness.gate.margins import GATED, Gated
+from harness.gate.margins import GATED, LEAST_POINTS, Gated
 from harness.protocol import test_set_of
 from harness.same_scene import unlike
 
@@ -126,7 +126,7 @@ class Lost:
     Attributes
     ----------
     what
-        ``vanished``, ``failed`` or ``missed``.
+        ``vanished``, ``failed``, ``missed``, or ``shrunk`` where few test points are left.
     of
         What was lost: test sets, each with its models where others of the scene are there.
     why
@@ -256,6 +256,9 @@ def _losses(before: Mapping[Key, Record], after: Mapping[Key, Record]) -> list[L
             what, why = "missed", other.failure
         elif other.status == "failed" and record.status == "ok":
             what, why = "failed", other.failure
+        elif (other.test_points or 0) < LEAST_POINTS * (record.test_points or 0):
+            what = "shrunk"
+            why = f"it has {other.test_points} test points of {record.test_points}"
         else:
             continue
         found[scene_id, what][test_set].append(model)

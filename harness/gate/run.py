@@ -18,13 +18,14 @@ from harness.gate.pairs import pair_runs
 from harness.gate.speed import Speed, SpeedMode, judge_speed, other_machine
 from harness.gate.timed import run_timed
 from harness.results import finished_run
+from harness.runs.code import scene_code_digest
+from harness.runs.directory import RunDirectory
 from harness.runs.records import Record, read_records, read_timings
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from harness.config import Config
-    from harness.runs.directory import RunDirectory
     from harness.runs.progress import Progress
 
 BASELINE_FOLDER = Path("results/baseline")
@@ -172,7 +173,21 @@ def _compute(
     progress: Progress | None,
     wiring: Wiring | None,
 ) -> Path:
-    """Run the benchmark as the baseline was, between calibrations if its times are judged."""
+    """Run the benchmark as the baseline was, between calibrations if its times are judged.
+
+    Raises
+    ------
+    InputError
+        The folder holds scenes that other code computed: they would be judged for this one's.
+    """
+    if options.out is not None and RunDirectory.is_run(options.out):
+        for session in RunDirectory(options.out).manifest()["sessions"]:
+            if session.get("code") != scene_code_digest():
+                raise InputError(
+                    f"--out {options.out} holds a run of other code ({session.get('code')}, now "
+                    f"{scene_code_digest()}), which says nothing of this; pass another --out, or "
+                    f"--run {options.out} to judge that"
+                )
     compute = run_bench if options.speed == "skip" or baseline.calibration is None else run_timed
     bench = BenchOptions(
         config=baseline.config_path, scenes=scenes, workers=options.workers, out=options.out

@@ -111,10 +111,15 @@ def test_what_is_lost_is_named_once_for_each_scene() -> None:
             after.append(replace(record, target_missed=True))
         elif record.scene_id == "mug-0002" and record.model == "classic":
             after.append(lost(record, "not positive definite"))
+        elif record.scene_id == "mug-0000" and record.completion == "cloud":
+            job = SceneJob("mug-0000", "mug", "mug_0", seed=0)
+            variant = Variant(record.model, record.completion)
+            after.append(fake_record(job, variant=variant, tolerance_m=0.005, points=500))
         elif record.scene_id != "mug-0003":
             after.append(record)
     paired = pair(before, after)
     assert paired.lost == [
+        Lost("mug-0000", "shrunk", "completed", "it has 500 test points of 1000"),
         Lost("mug-0001", "missed", "box, completed", "no mask"),
         Lost("mug-0002", "failed", "box (classic), completed (classic)", "not positive definite"),
         Lost("mug-0003", "vanished", "box, completed", "the run has no such record"),

@@ -418,3 +418,12 @@ def test_a_run_to_become_the_baseline_has_a_calibration(
     )
     assert read_calibration(tmp_path / "run") == CALIBRATION
     assert ticks == [2, 2]
+
+
+def test_a_folder_of_other_code_is_not_judged_for_this(
+    baseline: Path, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = copied(run, tmp_path / "out")
+    monkeypatch.setattr("harness.gate.run.scene_code_digest", lambda: "another")
+    with pytest.raises(InputError, match=r"holds a run of other code .* now another\), which says"):
+        run_gate(GateOptions(against=baseline, out=out), wiring=WIRING)
