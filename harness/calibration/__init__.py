@@ -50,6 +50,8 @@ from harness.calibration.scene_metrics import (
     PRECISION_COVERAGES,
     PROBABILITY_METRICS,
     RANKING_METRICS,
+    mean_risk,
+    scene_risks,
 )
 from harness.calibration.series import BASELINES, SCORES, SERIES, ScenePoints, scene_points
 from harness.calibration.summary import (
@@ -90,6 +92,7 @@ __all__ = [
     "choose_threshold",
     "find_threshold",
     "judge_threshold",
+    "mean_risk",
     "negative_log_likelihood",
     "object_losses",
     "precision_at",
@@ -98,6 +101,7 @@ __all__ = [
     "risk_at",
     "risk_coverage",
     "scene_points",
+    "scene_risks",
     "summarise_run",
     "validate",
 ]

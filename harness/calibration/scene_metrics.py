@@ -11,6 +11,8 @@ from harness.calibration.probabilities import brier_parts, negative_log_likeliho
 from harness.calibration.ranking import COVERAGES, precision_at, risk_at, risk_coverage
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from harness.calibration.series import ScenePoints
 
 Floats = npt.NDArray[np.float64]
@@ -83,12 +85,20 @@ def ranking_metrics(scene: ScenePoints, name: str) -> dict[str, float]:
     return dict(zip(RANKING_METRICS, values, strict=True))
 
 
-def risks(scene: ScenePoints, name: str) -> Floats:
-    """Risk (100,) of a series of a scene at `COVERAGES`; NaN where it is not defined."""
-    if name not in scene.of_decision:
-        return np.full(COVERAGES.shape, np.nan)
-    curve = risk_coverage(scene.of_decision[name], scene.truth != scene.predicted)
-    return risk_at(curve, COVERAGES)
+def scene_risks(scenes: Sequence[ScenePoints], name: str) -> Floats:
+    """Risks (scenes, 100) of a series at `COVERAGES`; NaN in scenes that do not define it."""
+    risks = np.full((len(scenes), len(COVERAGES)), np.nan)
+    for index, scene in enumerate(scenes):
+        if name in scene.of_decision:
+            curve = risk_coverage(scene.of_decision[name], scene.truth != scene.predicted)
+            risks[index] = risk_at(curve, COVERAGES)
+    return risks
+
+
+def mean_risk(risks: Floats) -> Floats:
+    """Mean (coverages,) of risks (scenes, coverages) over scenes that define it; NaN without."""
+    defined = risks[~np.isnan(risks[:, 0])]
+    return np.asarray(defined.mean(axis=0)) if len(defined) else np.full(risks.shape[1], np.nan)
 
 
 def inside(values: Floats) -> Bools:

@@ -14,9 +14,10 @@ from harness.calibration.scene_metrics import (
     PROBABILITY_METRICS,
     RANKING_METRICS,
     inside,
+    mean_risk,
     probability_metrics,
     ranking_metrics,
-    risks,
+    scene_risks,
 )
 from harness.calibration.series import BASELINES, SERIES
 from harness.statistics import MeanEstimate, PairedTest, mean_estimate, paired_test
@@ -237,8 +238,7 @@ def _summarise_series(
         for baseline in BASELINES
         if baseline != name
     }
-    by_scene = np.stack([risks(scene, name) for scene in scenes])
-    counted = by_scene[~np.isnan(by_scene[:, 0])]
+    risks = scene_risks(scenes, name)
     pooled = _pool(scenes, name)
     values = dict(ranked[name])
     if name not in BASELINES:
@@ -253,8 +253,8 @@ def _summarise_series(
         pooled=pooled.equal_width,
         pooled_equal_mass=pooled.equal_mass,
         pooled_metrics=pooled.metrics,
-        mean_risk=counted.mean(axis=0) if len(counted) else np.full(by_scene.shape[1], np.nan),
-        risks=by_scene,
+        mean_risk=mean_risk(risks),
+        risks=risks,
         less_random=less.get("random"),
         less_nearest=less.get("nearest"),
     )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from harness.calibration import COVERAGES, risk_at, risk_coverage
+from harness.calibration import COVERAGES, mean_risk, scene_risks
 from harness.figures.charts import (
     chart_grid,
     is_first,
@@ -96,7 +96,7 @@ def _draw_cell(axes: Axes, source: RunSource, cell: Cell, models: Sequence[str])
             continue
         style = model_style(model)
         risks = scene_risks(scenes, CONFIDENCE)
-        curve = 100 * mean_curve(risks)
+        curve = 100 * mean_risk(risks)
         front = 4 if model == PREFERRED_MODEL else 3
         axes.plot(
             100 * COVERAGES,
@@ -111,7 +111,7 @@ def _draw_cell(axes: Axes, source: RunSource, cell: Cell, models: Sequence[str])
             _draw_band(axes, scenes, risks, style=style, seed=read.seed)
         if model == PREFERRED_MODEL:
             for name, look in BASELINES.items():
-                other = 100 * mean_curve(scene_risks(scenes, name))
+                other = 100 * mean_risk(scene_risks(scenes, name))
                 axes.plot(
                     100 * COVERAGES, other, color=look.colour, linestyle=look.line, linewidth=0.9
                 )
@@ -141,22 +141,3 @@ def _draw_band(
         return
     low, high = 100 * np.array(bounds, dtype=np.float64).T
     axes.fill_between(INTERVAL_AT, low, high, color=style.colour, alpha=0.15, linewidth=0)
-
-
-def scene_risks(scenes: Sequence[ScenePoints], series: str) -> Floats:
-    """Risk (scenes, 100) at `COVERAGES` of each scene; NaN where the series is not defined."""
-    rows = []
-    for scene in scenes:
-        ranking = scene.of_decision.get(series)
-        if ranking is None:
-            rows.append(np.full(len(COVERAGES), np.nan))
-        else:
-            curve = risk_coverage(ranking, scene.truth != scene.predicted)
-            rows.append(risk_at(curve, COVERAGES))
-    return np.stack(rows)
-
-
-def mean_curve(risks: Floats) -> Floats:
-    """Mean (100,) of the scenes' risks (scenes, 100) where they are defined; NaN without any."""
-    defined = risks[~np.isnan(risks[:, 0])]
-    return defined.mean(axis=0) if len(defined) else np.full(risks.shape[1], np.nan)

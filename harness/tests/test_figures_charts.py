@@ -11,11 +11,12 @@ import polars as pl
 import pytest
 from numpy.testing import assert_allclose
 
+from harness.calibration import mean_risk, scene_risks
 from harness.calibration.series import scene_points
 from harness.errors import InputError
 from harness.figures.charts import panel_blocks
 from harness.figures.reliability import draw_reliability, pooled
-from harness.figures.risk import draw_risk_coverage, mean_curve, scene_risks
+from harness.figures.risk import draw_risk_coverage
 from harness.figures.seed_table import COLUMN_ORDER, draw_seed_table
 from harness.figures.source import BOX, NothingToDrawError, RunSource
 from harness.figures.style import SEED, model_style, publication, write_web_figure
@@ -78,9 +79,9 @@ def test_risks_of_a_scene_by_hand() -> None:
     none = scene_points(without, completion=BOX, model="metric", tolerance_m=0.005)
     undefined = scene_risks([none], "normalised_score")
     assert np.isnan(undefined).all()
-    assert np.isnan(mean_curve(undefined)).all()
+    assert np.isnan(mean_risk(undefined)).all()
     rows = np.array([[0.0, 0.2], [np.nan, np.nan], [0.2, 0.4]])
-    assert_allclose(mean_curve(rows), [0.1, 0.3])
+    assert_allclose(mean_risk(rows), [0.1, 0.3])
 
 
 def test_reliability_is_of_all_scenes_points() -> None:
