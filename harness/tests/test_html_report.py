@@ -18,7 +18,6 @@ from harness import cli
 from harness.errors import InputError
 from harness.html_report import pictures, scenes
 from harness.html_report.bars import Bar, bars
-from harness.html_report.best import best_model
 from harness.html_report.names import reference_model
 from harness.html_report.scenes import FAILED, MISSED, SCORED, picker_data, rank_scenes
 from harness.html_report.timings import timing_grid
@@ -170,55 +169,6 @@ def test_the_verdict(elements: Elements) -> None:
     assert "AURC best: metric 0.125 [0.105, 0.143] metric - classic tuned -0.200" in text
     assert "12 scenes of mug, bowl, 3 views each, 3 models, masks by oracle" in text
     assert "11 scenes scored 12 objects 1 scenes failed 1 targets missed" in text
-
-
-def cell_of(**of_models: list[float | None]) -> list[Record]:
-    """Records of a cell by model: the precision in each scene, as AUROC too."""
-    return [
-        fake.record(
-            fake.job("mug", index), model=model, completion="none", precision=value, auroc=value
-        )
-        for model, values in of_models.items()
-        for index, value in enumerate(values)
-    ]
-
-
-def test_the_best_model_is_best_on_common_scenes() -> None:
-    precision, auroc, *_ = HEADLINE
-    # By its own scenes the classic model has a mean of .9: it puts a point on the object in one.
-    records = cell_of(metric=[0.6, 0.7, 0.8], classic_tuned=[None, None, 0.9])
-    best = best_model(records, precision, seed=0)
-    assert best is not None
-    assert [variant.model for variant in best.variants] == ["metric"]
-    assert best.value.mean == pytest.approx(0.7)
-    assert best.value.count == 3
-    # Without a prediction a precision is 0.
-    theirs = best_model(cell_of(classic_tuned=[None, None, 0.9]), precision, seed=0)
-    assert theirs is not None
-    assert theirs.value.mean == pytest.approx(0.3)
-    # An AUROC is undefined by the truth: the one scene of both decides.
-    ranking = best_model(records, auroc, seed=0)
-    assert ranking is not None
-    assert [variant.model for variant in ranking.variants] == ["classic_tuned"]
-    assert (ranking.value.mean, ranking.value.count) == (0.9, 1)
-    # A failed scene counts for none, a model without any value has no say, and equals share.
-    lost = [
-        Record.failed(
-            fake.job("mug", 0),
-            variant=records[0].variant,
-            views=1,
-            tolerance_m=0.005,
-            failure="no arm",
-        )
-    ]
-    equal = cell_of(metric=[0.6, 0.7, 0.8], classic_tuned=[0.5, 0.8, 0.7])
-    equal += cell_of(nearest=[None, None, None])
-    tied = best_model([*lost, *equal[1:]], auroc, seed=0)
-    assert tied is not None
-    assert [variant.model for variant in tied.variants] == ["metric", "classic_tuned"]
-    assert tied.value.count == 2
-    assert best_model(cell_of(metric=[0.5, None], classic_tuned=[None, 0.5]), auroc, seed=0) is None
-    assert best_model(lost, auroc, seed=0) is None
 
 
 def test_the_page_says_on_how_many_scenes_the_best_is_best(bare: fake.FakeRun) -> None:
