@@ -34,7 +34,7 @@ from harness.engines.local import LocalEngine
 from harness.errors import InputError
 from harness.runs.atomic import DiskError, write_text
 from harness.runs.code import scene_code_digest
-from harness.runs.job import SceneJob, object_identity, plan_jobs
+from harness.runs.job import SceneJob, object_files, object_identity, plan_jobs
 from harness.runs.opening import open_run
 from harness.runs.progress import Progress, SilentProgress
 from harness.runs.tabular import write_parquet
@@ -118,13 +118,14 @@ class Ablation:
 
 @dataclass(eq=False)
 class _CellRun:
-    """A cell's run on disk."""
+    """A cell's run on disk; `files` are its objects' meshes, with the digest of each."""
 
     config: Config
     run: RunDirectory
     jobs: Sequence[SceneJob]
     finished: dict[str, SceneResult]
     failures: dict[str, str]
+    files: Mapping[str, str]
     changed: bool = False
 
 
@@ -277,7 +278,8 @@ def _open_cells(
             if note not in said:
                 progress.note(note)
         said.update(notes)
-        runs[_key(cell)] = _CellRun(config, run, jobs, finished, {})
+        files = object_files(objects, identities)
+        runs[_key(cell)] = _CellRun(config, run, jobs, finished, {}, files)
     return runs
 
 
@@ -321,7 +323,8 @@ def _compute(
     waiting = _waiting(runs)
     if not waiting:
         return
-    work = Work("harness.ablation.cells:run_cells", CellResults)
+    files = {path: digest for item in runs.values() for path, digest in item.files.items()}
+    work = Work("harness.ablation.cells:run_cells", CellResults, files=files)
     with closing(engine.run(work, waiting, logs=logs)) as events:
         for event in events:
             match event:
