@@ -40,7 +40,7 @@ lint: setup ## Everything CI checks, without running tests
 
 test: setup ## Set up, then the fast Rust and Python tests
 	cargo test --workspace --release
-	$(BIN)/pytest
+	$(BIN)/pytest -n auto --dist loadfile
 
 bench: setup ## Set up, then the benchmark (BENCH_ARGS="--scenes 32" for a longer one)
 	$(BIN)/harness bench $(BENCH_ARGS)
