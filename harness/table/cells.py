@@ -178,8 +178,8 @@ TESTS = (
     "average, is not there. The effect is the mean over objects in standard deviations of the "
     "objects (Hedges' g). One test could detect: the least true difference that a single test at "
     f"{_percent(ALPHA)} finds in {_percent(POWER)} of such runs; a lone difference among many "
-    "needs to be greater, and where none was detected, one may still be there. 'Alone it would be': "
-    "p is small enough, q is not."
+    "needs to be greater, and where none was detected, one may still be there. 'Alone it would "
+    "be': p is small enough, q is not."
 )
 """What is said of differences."""
 

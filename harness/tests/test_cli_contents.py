@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 
-
 def commands() -> Iterator[tuple[str, Any]]:
     """Every command, those of groups by both names."""
     for name, command in typer.main.get_group(cli.app).commands.items():
