@@ -65,9 +65,10 @@ def compare(
         (f"{cell_label(item)}: {scene_count(item)}, {object_count(item)}", item)
         for item in found.differences
     ]
+    # Not folded, for it holds paths.
+    console.print(Text(title, style="bold"), soft_wrap=True)
     console.print(
         Group(
-            Text(title, style="bold"),
             Text(),
             *difference_lines(items, width=console.width),
             Text(),
