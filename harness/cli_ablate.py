@@ -183,9 +183,10 @@ def _about(found: Ablation) -> str:
     )
     stages = ", ".join(f"{stage} {count}" for stage, count in found.stages.items()) or "none"
     return (
-        f"Means over scenes; * differs from the first cell (paired by scene, objects change sign "
-        f"together, q <= {ALPHA:g} by Benjamini-Hochberg over the ablation). Where no * stands, a "
-        f"difference was not detected; {SUMMARY} says how great a lone one would have to be.\n"
+        f"Means over scenes; * differs from a table's first row (paired by scene, objects change "
+        f"sign together, q <= {ALPHA:g} by Benjamini-Hochberg over the ablation). Where no * "
+        f"stands, a difference was not detected; {SUMMARY} says how great a lone one would have to "
+        "be.\n"
         f"{found.scenes} scenes of {len(found.cells)} cells, {found.computed} of them computed now"
         f"{failed}, in {found.seconds:.0f} s; stages computed: {stages}.\n"
         f"Written to {found.folder} ({RECORDS}, {SUMMARY}; each cell is a run under cells)"

@@ -19,7 +19,7 @@ commands = typer.Typer()
         "Of the newest run:  [cyan]harness figures[/cyan]\n\n"
         "One figure of a run:  [cyan]harness figures results/RUN --only fig6[/cyan]\n\n"
         "With an ablation's curves:  "
-        "[cyan]harness figures results/RUN --ablation results/views[/cyan]\n\n"
+        "[cyan]harness figures results/RUN --ablation results/ablations/views[/cyan]\n\n"
         "For a web page:  [cyan]harness figures results/RUN --out docs/figures --web[/cyan]\n\n"
         "Names: fig1, fig3, fig5, fig6 (as in the seed paper), risk-coverage, reliability, table3, "
         "tolerance, ablation. A figure whose data the run has not is left out, with the reason.\n\n"

@@ -177,9 +177,12 @@ def compare_finished(
     )
     if not differences:
         reason = f" ({next(iter(unlike.values()))})" if unlike else ""
+        settings = [key for key, *_ in differing_values(ours=ours, theirs=theirs)]
+        asked = [key for key in settings if key.startswith(("run.", "scenes.", "protocol."))]
+        differ = f"; they differ in {', '.join(asked)}" if asked else ""
         raise InputError(
             f"{first.folder} and {second.folder} share no scene that both scored{reason}; run "
-            "both with the same run.seed, run.classes, scenes.objects and protocol.test_sets"
+            f"both with the same run.seed, run.classes, scenes and protocol.test_sets{differ}"
         )
     folders = (first.folder, second.folder)
     return Comparison(

@@ -269,10 +269,10 @@ def _open_cells(
         objects, identities = models[place]
         jobs = plan_jobs(config, objects)
         run = open_run(folder / "cells" / _key(cell), config=config, objects=identities)
+        if not keep_old and run.finished(jobs)[0]:
+            _check_code(run, cell)
         notes = sessions.enter_context(run.session())
         finished, damaged = run.finished(jobs)
-        if finished and not keep_old:
-            _check_code(run, cell)
         notes += [f"{scene} is computed again: {why}" for scene, why in damaged.items()]
         for note in notes:
             if note not in said:
@@ -289,10 +289,10 @@ def _check_code(run: RunDirectory, cell: Cell) -> None:
     Raises
     ------
     InputError
-        A sitting at the run, the one that has just begun left out, had other code.
+        A sitting at the run had other code.
     """
     ours = scene_code_digest()
-    for session in run.manifest()["sessions"][:-1]:
+    for session in run.manifest()["sessions"]:
         if session.get("code") != ours:
             raise InputError(
                 f"{run.folder}, cell {cell.index} ({cell}), was computed by other code "

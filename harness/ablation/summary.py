@@ -1,4 +1,4 @@
-"""What an ablation shows: every cell's means, and how they differ from the first cell's."""
+"""What an ablation shows: every cell's means, and how they differ from the first that has any."""
 
 from __future__ import annotations
 
@@ -52,7 +52,8 @@ class Entry:
     estimate
         Mean over scenes, with its interval.
     difference
-        Less the first cell's, on the scenes that are the same in both; None of the first.
+        Less that of the first cell that has the group, on the scenes that are the same in both;
+        None of that cell.
     q_value
         Its p-value, corrected by Benjamini and Hochberg over all differences of the ablation; None
         where there is none.
@@ -148,6 +149,9 @@ def summarise_cells(cells: Sequence[Cell], frame: pl.DataFrame, *, seed: int) ->
             ["category", "test_set", "model", "cell"], as_dict=True
         ).items()
     }
+    first: dict[Group, int] = {}
+    for key in parts:
+        first[key[:3]] = min(key[3], first.get(key[:3], key[3]))
     entries = [
         Entry(
             cell=key[3],
@@ -156,9 +160,9 @@ def summarise_cells(cells: Sequence[Cell], frame: pl.DataFrame, *, seed: int) ->
             metric=metric,
             estimate=_mean(parts[key], metric, seed=seed),
             difference=(
-                _less(parts[key], parts[*key[:3], 0], metric, seed)
-                if key[3] != 0 and (*key[:3], 0) in parts
-                else None
+                None
+                if key[3] == first[key[:3]]
+                else _less(parts[key], parts[*key[:3], first[key[:3]]], metric, seed)
             ),
             q_value=None,
         )

@@ -221,7 +221,7 @@ def median_scene(records: Sequence[Record], category: str) -> str | None:
 
 
 def newest_run(results: Path = Path("results")) -> Path:
-    """Find the run in a folder whose records were written last.
+    """Find the run in a folder whose records were written last; a baseline has no recordings.
 
     Raises
     ------
@@ -231,10 +231,13 @@ def newest_run(results: Path = Path("results")) -> Path:
     finished = [
         folder
         for folder in (sorted(results.iterdir()) if results.is_dir() else [])
-        if RunDirectory.is_run(folder) and RunDirectory(folder).records_path.exists()
+        if RunDirectory.is_run(folder)
+        and RunDirectory(folder).records_path.exists()
+        and RunDirectory(folder).recorded()
     ]
     if not finished:
         raise InputError(
-            f"{results} holds no finished run; run `harness bench`, or pass a run's folder"
+            f"{results} holds no finished run with recordings; run `harness bench`, or pass a "
+            "run's folder"
         )
     return max(finished, key=lambda folder: RunDirectory(folder).records_path.stat().st_mtime_ns)

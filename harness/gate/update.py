@@ -147,7 +147,7 @@ def update_baseline(
         "seed": config.run.seed,
         "config": config.model_dump(mode="json"),
         "objects": run.manifest()["objects"],
-        "sessions": [{key: item.get(key) for key in _SESSION} for item in sessions],
+        "sessions": [_session(item) for item in sessions],
     }
     files = {
         CONFIG: _HEAD + tomli_w.dumps(asked),
@@ -193,6 +193,14 @@ def _before(folder: Path) -> tuple[Baseline | None, Sequence[Entry], list[str]]:
             return None, [], [f"the history is lost, for {folder / HISTORY} cannot be read"]
         return None, history, [f"what changed is not told: {error}"]
     return before, before.history, []
+
+
+def _session(found: Mapping[str, Any]) -> dict[str, Any]:
+    """Take of a sitting what matters elsewhere: the system's kind, not its build."""
+    kept = {key: found.get(key) for key in _SESSION}
+    machine = dict(found.get("machine", {}))
+    machine["system"] = str(machine.get("system", "unknown")).partition("-")[0]
+    return kept | {"machine": machine}
 
 
 def _calibration(folder: Path, sessions: Sequence[object]) -> tuple[Calibration | None, list[str]]:

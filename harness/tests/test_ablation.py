@@ -386,9 +386,31 @@ def test_cells_of_other_code_are_not_mixed_in_silence(
         monkeypatch.setattr(f"{module}.scene_code_digest", lambda: "another")
     with pytest.raises(InputError, match=r"was computed by other code .* now another\); pass"):
         run_ablation(options)
+    monkeypatch.undo()
+    # A refusal leaves no trace that would refuse its own code later.
+    assert run_ablation(options).computed == 0
+    monkeypatch.setattr("harness.ablation.run.scene_code_digest", lambda: "another")
     assert run_ablation(replace(options, keep_old=True)).computed == 0
 
 
 def test_no_workers_are_refused() -> None:
     with pytest.raises(InputError, match="--workers -1: should be at least 1"):
         make_engine("local", address=None, workers=-1)
+
+
+def test_cells_are_compared_with_the_first_that_asks_the_same(tmp_path: Path) -> None:
+    text = """
+[choices.completion.off]
+[choices.completion.one]
+protocol.test_sets = ["perturbed"]
+[choices.completion.two]
+protocol.test_sets = ["perturbed"]
+pipeline.training.points = 60
+"""
+    found = run_ablation(AblateOptions(str(grid(tmp_path, text)), out=tmp_path / "out"))
+    compared = {
+        (item.cell, item.group[1]): item.difference is not None
+        for item in found.summary.entries
+        if item.metric == "accuracy" and item.group[2] == "nearest"
+    }
+    assert compared == {(0, "box"): False, (1, "perturbed"): False, (2, "perturbed"): True}

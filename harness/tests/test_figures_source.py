@@ -92,7 +92,7 @@ def test_newest_run_is_the_one_written_last(tmp_path: Path) -> None:
 
 
 def test_folders_that_hold_no_finished_run_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"nowhere holds no finished run; run `harness bench`"):
+    with pytest.raises(InputError, match="nowhere holds no finished run with recordings; run"):
         newest_run(tmp_path / "nowhere")
     with pytest.raises(InputError, match=r"holds no run; pass the folder that `harness bench`"):
         RunSource.open(tmp_path)
