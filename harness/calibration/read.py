@@ -150,10 +150,7 @@ def _recorded(run: RunDirectory, *, partly: bool) -> tuple[Config, list[str], tu
     config = finished_run(folder).config()
     recorded = set(run.recorded())
     if not recorded:
-        raise InputError(
-            f"{folder} has no recordings; run it again, into another folder, with "
-            '`[run] record = "all"`'
-        )
+        raise InputError(f"{folder} has no recordings: {run.without_recordings()}")
     # What the records call scored, for a failed scene may have a recording from before.
     records = read_records(run.records_path)
     scored = {record.scene_id for record in records if record.status == "ok"}

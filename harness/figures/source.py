@@ -169,9 +169,7 @@ class RunSource:
         """Take the records at the reported tolerance of scenes that have a recording."""
         recorded = set(self.run.recorded())
         if not recorded:
-            raise NothingToDrawError(
-                'the run recorded no scenes; run it again with `[run] record = "all"`'
-            )
+            raise NothingToDrawError(f"no recordings: {self.run.without_recordings()}")
         own = [record for record in self.reported if record.scene_id in recorded]
         if not own:
             raise NothingToDrawError("no scored scene of the run has a recording")

@@ -139,6 +139,19 @@ class RunDirectory:
         """List the scenes that have a recording, sorted."""
         return sorted(path.stem for path in self.recordings.glob("*.npz"))
 
+    def without_recordings(self) -> str:
+        """Say why the run has no recordings, and what to do."""
+        if "baseline" in self.manifest():
+            return (
+                "a baseline keeps none; pass a run, such as that of "
+                f"`harness bench --config {self.folder / CONFIG}`"
+            )
+        if self.config().run.record == "nothing":
+            return (
+                'it recorded none; run it again, into another folder, with `[run] record = "all"`'
+            )
+        return f"resume it with `harness bench --out {self.folder}`"
+
     def recording(self, scene_id: str) -> Recording:
         """Read a scene's recording.
 

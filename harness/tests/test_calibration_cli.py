@@ -182,8 +182,7 @@ def test_runs_that_cannot_be_read(harness: Harness, run: RunDirectory, tmp_path:
         )
         bare = recorded_run(tmp_path / f"{command}-bare", []).folder
         assert refused(harness, command, bare) == (
-            f"{bare} has no recordings; run it again, into another folder, with "
-            '`[run] record = "all"`'
+            f"{bare} has no recordings: resume it with `harness bench --out {bare}`"
         )
     broken = tmp_path / "broken"
     shutil.copytree(run.folder, broken)

@@ -13,6 +13,7 @@ from harness.errors import InputError
 from harness.figures import panels
 from harness.figures.draw import NAMES, FigureOptions, draw_figures
 from harness.figures.style import ONE_COLUMN_IN, TWO_COLUMNS_IN, WEB_DPI
+from harness.runs.directory import RunDirectory
 from harness.tests.fake_html_report import write_run
 from harness.tests.test_figures_charts import ablation, over_views
 
@@ -77,7 +78,7 @@ def test_a_run_without_recordings_says_what_to_do(tmp_path: Path) -> None:
     assert {figure.name for figure in result.drawn} == OF_RECORDS
     reasons = {item.name: item.why for item in result.skipped}
     assert set(reasons) == {*NAMES} - OF_RECORDS - {"ablation"}
-    why = 'the run recorded no scenes; run it again with `[run] record = "all"`'
+    why = f"no recordings: {RunDirectory(bare).without_recordings()}"
     assert all(reason == why for name, reason in reasons.items() if name != "tolerance")
     assert result.out == bare / "figures"
 

@@ -42,3 +42,14 @@ def test_a_run_goes_on_recording_as_it_began(tmp_path: Path) -> None:
     open_run(tmp_path / "run", config=bare, objects=[])
     with pytest.raises(InputError, match=r"begun with run\.record = 'nothing', not 'all'; pass"):
         open_run(tmp_path / "run", config=Config(), objects=[])
+
+
+def test_a_baseline_says_why_it_has_no_recordings(tmp_path: Path) -> None:
+    run = open_run(tmp_path / "run", config=Config(), objects=[])
+    assert run.without_recordings() == f"resume it with `harness bench --out {run.folder}`"
+    path = run.folder / "manifest.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"baseline": {}}))
+    assert run.without_recordings() == (
+        "a baseline keeps none; pass a run, such as that of "
+        f"`harness bench --config {run.folder / 'config.toml'}`"
+    )

@@ -155,7 +155,10 @@ def test_a_folder_without_a_run_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "remedy"),
     [
-        ("nothing", 'run it again with `[run] record = "all"`'),
+        (
+            "nothing",
+            'it recorded none; run it again, into another folder, with `[run] record = "all"`',
+        ),
         ("all", "resume it with `harness bench --out {run}`"),
     ],
 )
@@ -164,7 +167,7 @@ def test_a_run_without_recordings_says_what_to_do(tmp_path: Path, text: str, rem
     run = open_run(tmp_path / "bare", config=config, objects=["mug one"]).folder
     with pytest.raises(InputError) as refused:
         view_scene(options(run), say=nothing)
-    assert said(refused) == f"{run} holds no recordings; {remedy.format(run=run)}"
+    assert said(refused) == f"{run} holds no recordings: {remedy.format(run=run)}"
 
 
 def test_a_damaged_recording_is_named(folder: Path) -> None:

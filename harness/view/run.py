@@ -177,12 +177,7 @@ def _scene_id(options: ViewOptions) -> str:
 def _recording(run: RunDirectory, scene_id: str) -> Recording:
     recorded = run.recorded()
     if not recorded:
-        remedy = (
-            'run it again with `[run] record = "all"`'
-            if run.config().run.record == "nothing"
-            else f"resume it with `harness bench --out {run.folder}`"
-        )
-        raise InputError(f"{run.folder} holds no recordings; {remedy}")
+        raise InputError(f"{run.folder} holds no recordings: {run.without_recordings()}")
     if scene_id not in recorded:
         nearest = difflib.get_close_matches(scene_id, recorded, n=NEAREST, cutoff=0.0)
         raise InputError(
