@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harness.errors import InputError
-from harness.gate.margins import GATED, LEAST_POINTS, Gated
+from harness.gate.margins import GATED, LEAST_POINTS, UNJUDGED, Gated
 from harness.protocol import test_set_of
 from harness.same_scene import unlike
 
@@ -192,7 +192,7 @@ def pair_runs(baseline: Sequence[Record], now: Sequence[Record], *, names: str) 
     for key, record in sorted(before.items()):
         cells[Cell(record.category, key[1], record.model)].append(key)
     rows = []
-    for cell in sorted(cells):
+    for cell in sorted(item for item in cells if item.model not in UNJUDGED):
         both = [
             (place[key[0]], before[key], after[key])
             for key in cells[cell]
