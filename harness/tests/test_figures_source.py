@@ -79,7 +79,7 @@ def test_a_run_is_read(tmp_path: Path) -> None:
 def test_a_run_without_recordings_has_nothing_to_choose(tmp_path: Path) -> None:
     source = RunSource.open(write_run(tmp_path / "run", record_scenes=False).folder)
     for what in ("chosen", "points"):
-        with pytest.raises(NothingToDrawError, match=r'run it again with `.run. record = "all"`'):
+        with pytest.raises(NothingToDrawError, match="no recordings: resume it"):
             getattr(source, what)
 
 
