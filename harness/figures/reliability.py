@@ -15,7 +15,7 @@ from harness.figures.charts import (
     name_vertical,
     panel_blocks,
 )
-from harness.figures.source import NothingToDrawError, order_models
+from harness.figures.source import order_models
 from harness.figures.style import GREY, TWO_COLUMNS_IN, model_style, new_figure
 
 if TYPE_CHECKING:
@@ -42,13 +42,7 @@ def draw_reliability(source: RunSource) -> tuple[Figure, str]:
         The run recorded no scenes.
     """
     read = source.points
-    cells = [
-        cell
-        for cell in source.cells
-        if any((cell.category, cell.completion, model) in read.cells for model in read.models)
-    ]
-    if not cells:
-        raise NothingToDrawError("no recorded scene has a test point")
+    cells = source.answered_cells
     figure = new_figure(
         width_in=TWO_COLUMNS_IN, height_in=0.35 + 2.75 * len(panel_blocks(len(cells)))
     )

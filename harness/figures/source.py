@@ -165,6 +165,21 @@ class RunSource:
         self._recorded()
         return read_points(self.run)
 
+    @property
+    def answered_cells(self) -> Sequence[Cell]:
+        """Those of `cells` with a recorded answer.
+
+        Raises
+        ------
+        NothingToDrawError
+            There is none.
+        """
+        answered = {(category, completion) for category, completion, _ in self.points.cells}
+        cells = [cell for cell in self.cells if (cell.category, cell.completion) in answered]
+        if not cells:
+            raise NothingToDrawError("no recorded scene has a test point")
+        return cells
+
     def _recorded(self) -> Sequence[Record]:
         """Take the records at the reported tolerance of scenes that have a recording."""
         recorded = set(self.run.recorded())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import time
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -174,10 +173,8 @@ def test_the_same_ablation_again_does_no_stage(ablated: tuple[Path, Path]) -> No
     path, out = ablated
     files = {file: file.stat().st_mtime_ns for file in out.rglob("scenes/*.json")}
     before = (out / RECORDS).read_bytes()
-    start = time.monotonic()
     again = run_ablation(AblateOptions(str(path), scenes=2, out=out))
     assert (again.stages, again.computed, again.scenes, again.failures) == ({}, 0, 4, {})
-    assert time.monotonic() - start < 10
     assert {file: file.stat().st_mtime_ns for file in out.rglob("scenes/*.json")} == files
     assert (out / RECORDS).read_bytes() == before
 
